@@ -1,0 +1,1 @@
+"""Onboard flight application for autonomous drone racing."""

@@ -1,0 +1,1 @@
+"""What the drone can do, each watching its own execution."""

@@ -1,0 +1,306 @@
+"""The whole tunable surface: every field with its unit, its bounds and a one-line description.
+
+A configuration is built from defaults ← vehicle file ← mission ← ``--set``, and is checked whole; what is
+wrong is named by source, key, value, bound and nearest known key.
+"""
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tomlkit
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from flightapp.frames import GRAVITY, camera_mount
+from flightapp.inputs import BadInputError, Location, read_toml, validate
+from flightapp.perception.camera import CameraModel, Lens
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Triple = tuple[Finite, Finite, Finite]
+Quadruple = tuple[Finite, Finite, Finite, Finite]
+
+
+class Section(BaseModel):
+    """A table of the configuration file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+
+
+class Vehicle(Section):
+    """The airframe as the flight code knows it."""
+
+    name: str = Field("racer", description="name, for reports")
+    thrust_to_weight: Finite = Field(4.0, gt=1.1, le=20.0, description="full collective thrust over weight")
+    hover_thrust: Finite = Field(0.25, gt=0.02, lt=0.9, description="0..1, PX4's MPC_THR_HOVER")
+    thrust_curve: Finite = Field(0.0, ge=0.0, le=1.0, description="PX4's THR_MDL_FAC")
+    drag: Triple = Field((0.0, 0.0, 0.0), description="1/s, specific force per m/s along the body axes")
+    rate_lag: Finite = Field(0.03, ge=0.0, le=0.5, description="s, first-order lag of the body-rate loop")
+    motor_lag: Finite = Field(0.03, ge=0.0, le=0.5, description="s, first-order lag of the thrust")
+    delay: Finite = Field(0.01, ge=0.0, le=0.2, description="s, from a command's being sent to its taking effect")
+    rate_max: Finite = Field(6.0, gt=0.5, le=30.0, description="rad/s, greatest roll and pitch rate commanded")
+    yaw_rate_max: Finite = Field(3.0, gt=0.2, le=15.0, description="rad/s, greatest yaw rate commanded")
+    radius: Finite = Field(0.25, gt=0.02, le=2.0, description="m, of the smallest ball around the vehicle")
+
+    @property
+    def thrust_max(self) -> float:
+        """Full collective specific force, m/s²."""
+        return self.thrust_to_weight * GRAVITY
+
+
+class Camera(Section):
+    """The gate camera: calibration, mount and rate."""
+
+    lens: Lens = Field(Lens.PINHOLE, description="pinhole (Brown) or fisheye (Kannala-Brandt)")
+    width: int = Field(640, ge=64, le=4096, description="px")
+    height: int = Field(480, ge=64, le=4096, description="px")
+    focal: Quadruple = Field((320.0, 320.0, 319.5, 239.5), description="px: fx, fy, cx, cy")
+    distortion: Quadruple = Field((0.0, 0.0, 0.0, 0.0), description="k1, k2, p1, p2 or fisheye k1..k4")
+    rate: Finite = Field(30.0, ge=1.0, le=240.0, description="Hz")
+    exposure: Finite = Field(0.004, gt=0.0, le=0.05, description="s")
+    latency: Finite = Field(0.015, ge=0.0, le=0.3, description="s, from mid exposure to the frame's arrival")
+    pitch_up_deg: Finite = Field(10.0, ge=-45.0, le=60.0, description="°, tilt of the camera above body x")
+    position: Triple = Field((0.08, 0.0, 0.02), description="m, in the body frame")
+
+    @model_validator(mode="after")
+    def _sharp(self) -> "Camera":
+        if self.focal[0] <= 0.0 or self.focal[1] <= 0.0:
+            raise ValueError(f"focal lengths must be positive, not {self.focal[:2]} px")
+        return self
+
+    def model(self) -> CameraModel:
+        """The camera model that these numbers describe."""
+        return CameraModel(
+            self.lens,
+            self.width,
+            self.height,
+            np.array(self.focal),
+            np.array(self.distortion),
+            camera_mount(math.radians(self.pitch_up_deg)),
+            np.array(self.position),
+        )
+
+
+class Detection(Section):
+    """Finding markers and gates in images."""
+
+    detector: str = Field("aruco", description="entry point in flightapp.detectors")
+    region_of_interest: bool = Field(True, description="search only where the map expects markers")
+    full_frame_every: int = Field(10, ge=1, le=1000, description="frames between searches of the whole image")
+    corner_noise: Finite = Field(0.5, gt=0.01, le=10.0, description="px, standard deviation of a corner")
+    max_reprojection: Finite = Field(2.5, gt=0.1, le=50.0, description="px RMS, above it a sighting is refused")
+    max_distance: Finite = Field(12.0, gt=0.5, le=100.0, description="m, beyond it a sighting is refused")
+
+
+class Estimation(Section):
+    """Vehicle state."""
+
+    estimator: str = Field("t265", description="entry point in flightapp.estimators")
+    max_age: Finite = Field(0.1, gt=0.0, le=1.0, description="s, older poses are refused")
+    max_jump: Finite = Field(0.5, gt=0.0, le=5.0, description="m between samples, beyond what the speed explains")
+    position_noise: Finite = Field(0.02, gt=0.0, le=1.0, description="m, standard deviation")
+    velocity_noise: Finite = Field(0.05, gt=0.0, le=2.0, description="m/s, standard deviation")
+    attitude_noise: Finite = Field(0.01, gt=0.0, le=0.5, description="rad, standard deviation")
+
+
+class GateMapping(Section):
+    """Gate map."""
+
+    drift_rate: Finite = Field(0.03, ge=0.0, le=1.0, description="m/√s, random walk of the tracker's origin")
+    drift_yaw_rate: Finite = Field(0.002, ge=0.0, le=0.2, description="rad/√s, random walk of its heading")
+    gate: Finite = Field(16.0, gt=1.0, le=100.0, description="χ² (4 dof) beyond which a sighting is refused")
+    known_sigma: Finite = Field(0.35, gt=0.01, le=5.0, description="m, a gate this well known may be flown through")
+
+
+class Planning(Section):
+    """Trajectories."""
+
+    planner: str = Field("polynomial", description="entry point in flightapp.planners")
+    minimise: Literal["acceleration", "jerk", "snap"] = Field("jerk", description="derivative to keep small")
+    lead: Finite = Field(0.12, ge=0.0, le=1.0, description="s, a new plan starts this long after it is asked for")
+    replan_distance: Finite = Field(0.05, gt=0.0, le=2.0, description="m, a gate that moved this far is planned anew")
+    replan_interval: Finite = Field(0.15, ge=0.0, le=5.0, description="s, least time between plans")
+
+
+class Control(Section):
+    """Trajectory tracking."""
+
+    controller: str = Field("flatness", description="entry point in flightapp.controllers")
+    rate: Finite = Field(250.0, ge=20.0, le=1000.0, description="Hz")
+    position_bandwidth: Finite = Field(2.5, gt=0.1, le=20.0, description="rad/s, horizontal position loop")
+    position_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, horizontal position loop")
+    height_bandwidth: Finite = Field(3.5, gt=0.1, le=20.0, description="rad/s, vertical position loop")
+    height_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, vertical position loop")
+    integral: Finite = Field(0.5, ge=0.0, le=5.0, description="1/s, rate at which a steady error is removed")
+    attitude_bandwidth: Finite = Field(10.0, gt=0.5, le=40.0, description="1/s, tilt loop")
+    yaw_bandwidth: Finite = Field(3.0, gt=0.1, le=20.0, description="1/s, heading loop")
+    tilt_max_deg: Finite = Field(65.0, gt=5.0, le=170.0, description="°, greatest tilt commanded")
+
+
+class Race(Section):
+    """How to race."""
+
+    v_max: Finite = Field(4.0, gt=0.0, le=40.0, description="m/s, greatest speed planned")
+    a_max: Finite = Field(8.0, gt=0.0, le=60.0, description="m/s², greatest acceleration planned")
+    standoff: Finite = Field(4.0, ge=0.5, le=20.0, description="m before a gate not yet seen, where to wait for it")
+    search_timeout: Finite = Field(20.0, gt=1.0, le=600.0, description="s, longest search for one gate")
+    search_yaw_deg: Finite = Field(60.0, ge=0.0, le=180.0, description="°, half-width of the scan for a gate")
+    timeout: Finite = Field(300.0, gt=1.0, le=3600.0, description="s, longest race")
+
+
+class Mission(Section):
+    """Heights, patience and geofence of a mission."""
+
+    takeoff_height: Finite = Field(1.5, ge=0.3, le=20.0, description="m above the ground")
+    takeoff_timeout: Finite = Field(20.0, gt=1.0, le=120.0, description="s")
+    land_timeout: Finite = Field(30.0, gt=1.0, le=300.0, description="s")
+    laps: int = Field(1, ge=1, le=1000, description="laps to fly")
+
+
+class Safety(Section):
+    """When to stop trusting."""
+
+    state_timeout: Finite = Field(0.25, gt=0.01, le=5.0, description="s without a state before landing")
+    tracking_error: Finite = Field(2.0, gt=0.1, le=20.0, description="m off the line before landing")
+
+
+class Guard(Section):
+    """Bounds on what reaches the autopilot."""
+
+    thrust_min: Finite = Field(1.0, ge=0.0, le=20.0, description="m/s², least specific force sent in flight")
+    late: Finite = Field(0.1, gt=0.0, le=1.0, description="s, a command older than this is not sent")
+
+
+class Compute(Section):
+    """Seconds that computation costs in simulation, where it would take none of the virtual time."""
+
+    detection: Finite = Field(0.015, ge=0.0, le=2.0, description="s per frame (paper's laptop: 0.015, Jetson: 0.094)")
+    plan: Finite = Field(0.002, ge=0.0, le=5.0, description="s per plan (paper: 0.014 to 1.0)")
+    mapping: Finite = Field(0.0005, ge=0.0, le=1.0, description="s per map update")
+
+
+class Recording(Section):
+    """Flight log."""
+
+    images: bool = Field(True, description="record camera images (JPEG)")
+    image_every: int = Field(10, ge=1, le=1000, description="record one frame in so many")
+
+
+class Simulation(Section):
+    """The simulated world; flight code does not read this section."""
+
+    vehicle: str = Field("racer", description="a vehicle of sim/vehicles.toml")
+    camera: Literal["rendered", "corners"] = Field("rendered", description="images, or corners without images")
+    tracker: Literal["t265", "ideal"] = Field("t265", description="T265 model, or the truth with no delay")
+    wind: Finite = Field(0.0, ge=0.0, le=15.0, description="m/s, mean wind")
+    gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")
+    step: Finite = Field(0.001, gt=0.0, le=0.001, description="s, integration step")
+
+
+class Config(Section):
+    """Everything that can be set."""
+
+    vehicle: Vehicle = Vehicle()
+    camera: Camera = Camera()
+    detection: Detection = Detection()
+    estimation: Estimation = Estimation()
+    mapping: GateMapping = GateMapping()
+    planning: Planning = Planning()
+    control: Control = Control()
+    race: Race = Race()
+    mission: Mission = Mission()
+    safety: Safety = Safety()
+    guard: Guard = Guard()
+    compute: Compute = Compute()
+    recording: Recording = Recording()
+    sim: Simulation = Simulation()
+
+    @model_validator(mode="after")
+    def _flyable(self) -> "Config":
+        available = self.vehicle.thrust_max
+        needed = math.hypot(GRAVITY, self.race.a_max)
+        if needed > available:
+            fits = math.sqrt(max(available**2 - GRAVITY**2, 0.0))
+            raise ValueError(
+                f"race.a_max = {self.race.a_max} m/s² needs {needed:.1f} m/s² of thrust in level flight, but"
+                f" vehicle.thrust_to_weight = {self.vehicle.thrust_to_weight} gives {available:.1f};"
+                f" race.a_max may be at most {fits:.1f}"
+            )
+        slowest = min(self.vehicle.drag[0], self.vehicle.drag[1])
+        if slowest > 0.0:
+            tilt = math.radians(self.control.tilt_max_deg)
+            push = min(GRAVITY * math.tan(min(tilt, 1.5)), math.sqrt(available**2 - GRAVITY**2))
+            reachable = push / slowest
+            if self.race.v_max > reachable:
+                raise ValueError(
+                    f"race.v_max = {self.race.v_max} m/s cannot be flown: with vehicle.drag = {slowest} 1/s the"
+                    f" thrust balances the drag at {reachable:.1f} m/s; race.v_max may be at most that"
+                )
+        return self
+
+
+def load_config(
+    vehicle_file: Path | None = None,
+    mission: Mapping[str, Any] | None = None,
+    overrides: Sequence[str] = (),
+) -> Config:
+    """Defaults ← ``vehicle_file`` ← the mission's dotted settings ← ``--set`` strings "section.key=value"."""
+    layers: list[tuple[str, dict[str, Any]]] = []
+    if vehicle_file is not None:
+        layers.append((str(vehicle_file), read_toml(vehicle_file, "vehicle file")))
+    if mission:
+        layers.append(("mission", _nested(mission.items(), "mission")))
+    for text in overrides:
+        key, separator, value = text.partition("=")
+        if not separator:
+            raise BadInputError(f"--set {text}: expected section.key=value")
+        layers.append((f"--set {text}", _nested([(key.strip(), _parse_value(value.strip()))], f"--set {text}")))
+    data: dict[str, Any] = {}
+    origin: dict[Location, str] = {}
+    for source, layer in layers:
+        for section, table in layer.items():
+            origin[section,] = source
+            if not isinstance(table, dict):
+                data[section] = table
+                continue
+            merged = data.setdefault(section, {})
+            for key, value in table.items():
+                merged[key] = value
+                origin[section, key] = source
+    everything = ", ".join(source for source, _ in layers) or "defaults"
+    return validate(Config, data, lambda at: origin.get(at[:2], origin.get(at[:1], everything)))
+
+
+def dump_config(config: Config) -> str:
+    """``config`` as TOML, complete, with each field's description as a comment."""
+    document = tomlkit.document()
+    for name in Config.model_fields:
+        section: Section = getattr(config, name)
+        table = tomlkit.table()
+        for key, sub_field in type(section).model_fields.items():
+            value = getattr(section, key)
+            item = tomlkit.item(list(value) if isinstance(value, tuple) else value)
+            item.comment(sub_field.description or "")
+            table.add(key, item)
+        document.add(name, table)
+    return tomlkit.dumps(document)
+
+
+def _nested(settings: Iterable[tuple[str, Any]], source: str) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for key, value in settings:
+        section, separator, name = key.partition(".")
+        if not separator or not section or not name:
+            sections = ", ".join(Config.model_fields)
+            raise BadInputError(f"{source}: '{key}': expected section.key, with one of the sections {sections}")
+        data.setdefault(section, {})[name] = value
+    return data
+
+
+def _parse_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text

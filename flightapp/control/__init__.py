@@ -1,0 +1,1 @@
+"""From a trajectory and a state to body rates and thrust."""

@@ -1,0 +1,1 @@
+"""From poses to the state of the vehicle."""

@@ -1,0 +1,230 @@
+"""The Protocols that modules and rigs implement.
+
+Algorithms (detector, estimator, mapper, planner, controller) are pure and synchronous: stamped data in,
+data out, no clock and no asyncio. A rig (the real drone or the simulation) supplies the sensors, the
+autopilot, the survey of the track and the worker that pays for computation.
+"""
+
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from flightapp.channel import Topic
+from flightapp.frames import Vector
+from flightapp.messages import (
+    AutopilotStatus,
+    Collision,
+    Drift,
+    Frame,
+    GateEstimate,
+    GateMap,
+    GatePassage,
+    GateSighting,
+    GroundTruth,
+    MarkerDetection,
+    PoseSample,
+    RateCommand,
+    VehicleState,
+)
+from flightapp.perception.camera import CameraModel
+from flightapp.track import Track
+from flightapp.trajectory import Trajectory
+
+T = TypeVar("T")
+
+
+class Detector(Protocol):
+    """Finds fiducial markers in a frame."""
+
+    def detect(self, frame: Frame, regions: Sequence[Vector] | None) -> tuple[MarkerDetection, ...]:
+        """Markers in ``frame``; ``regions`` are (4,) x0, y0, x1, y1 pixel boxes to search, None for all of it."""
+        ...
+
+
+class Estimator(Protocol):
+    """Turns the tracker's poses into the vehicle's state in the world."""
+
+    def on_pose(self, sample: PoseSample) -> VehicleState | None:
+        """The state at ``sample``'s stamp; None where the sample is refused (stale, not finite, a jump)."""
+        ...
+
+    def on_drift(self, drift: Drift) -> None:
+        """Take over the tracker's drift as the gate map estimates it."""
+        ...
+
+
+class Mapper(Protocol):
+    """Keeps the gate map, and the tracker's drift that is estimated with it."""
+
+    def update(self, sightings: Sequence[GateSighting], pose: PoseSample) -> GateMap:
+        """The map after ``sightings``, which were all seen from the tracker's ``pose``."""
+        ...
+
+    def snapshot(self, stamp: float) -> GateMap:
+        """The map as it stands, without new sightings."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A point of a trajectory to start or end with; world frame, each (3,) but the yaws."""
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+    jerk: Vector
+    yaw: float
+    yaw_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a plan must keep to."""
+
+    v_max: float
+    """m/s, length of the velocity vector."""
+    a_max: float
+    """m/s², length of the acceleration vector."""
+    yaw_rate_max: float
+    """rad/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """Fly from ``start`` through ``gates`` in order to rest at ``end``."""
+
+    stamp: float
+    """The moment at which the trajectory starts."""
+    start: Motion
+    gates: tuple[GateEstimate, ...]
+    end: Vector
+    """(3,) m, where to come to rest."""
+    limits: Limits
+    look_at: Vector | None = None
+    """(3,) m, what the camera should watch after the last gate; None to look along the path."""
+
+
+class PlanningError(Exception):
+    """No trajectory could be found; the text says why."""
+
+
+class Planner(Protocol):
+    """Finds trajectories."""
+
+    def plan(self, request: PlanRequest) -> Trajectory:
+        """A trajectory that answers ``request``; raises `PlanningError`."""
+        ...
+
+    def through(self, waypoints: Vector, request: PlanRequest) -> Trajectory:
+        """A trajectory through ``waypoints`` (n, 3), then to ``request.end``; its gates are not used."""
+        ...
+
+
+class Controller(Protocol):
+    """Tracks a trajectory."""
+
+    def reset(self) -> None:
+        """Forget integrators and filters, at the start of a new flight."""
+        ...
+
+    def command(self, stamp: float, state: VehicleState, trajectory: Trajectory) -> RateCommand:
+        """Body rates and specific force to send at ``stamp``, from the newest ``state``."""
+        ...
+
+
+class FrameSource(Protocol):
+    """A camera."""
+
+    @property
+    def model(self) -> CameraModel:
+        """Its calibration, as the flight code believes it to be."""
+        ...
+
+    def frames(self) -> AsyncIterator[Frame]:
+        """Frames as they become available."""
+        ...
+
+
+class PoseSource(Protocol):
+    """A tracker, with its mount already taken out: poses of the body."""
+
+    def poses(self) -> AsyncIterator[PoseSample]:
+        """Samples as they arrive."""
+        ...
+
+
+class AutopilotError(Exception):
+    """The autopilot refused or did not answer; the text says what and why."""
+
+
+class Autopilot(Protocol):
+    """The autopilot behind its link."""
+
+    @property
+    def status(self) -> Topic[AutopilotStatus]:
+        """What it last said of itself."""
+        ...
+
+    async def connect(self) -> None:
+        """Find the vehicle; raises `AutopilotError`."""
+        ...
+
+    async def arm(self) -> None:
+        """Arm; raises `AutopilotError` with the autopilot's reason."""
+        ...
+
+    async def takeoff(self, height: float) -> None:
+        """Climb to ``height`` m above the ground by the autopilot's own means."""
+        ...
+
+    async def hold(self) -> None:
+        """Stop and hold the position by the autopilot's own means."""
+        ...
+
+    async def land(self) -> None:
+        """Land here and disarm by the autopilot's own means."""
+        ...
+
+    async def start_offboard(self) -> None:
+        """Follow `send`; at least one command must have been sent just before."""
+        ...
+
+    def send(self, command: RateCommand) -> None:
+        """Send one command at once, without blocking."""
+        ...
+
+    async def close(self) -> None:
+        """Give the link back."""
+        ...
+
+
+class Worker(Protocol):
+    """Runs computation that takes more than half a millisecond."""
+
+    async def run(self, name: str, function: Callable[[], T]) -> T:
+        """``function()``'s result, computed where it holds nothing up; ``name`` says what it is."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTruthFeed:
+    """Truth for the log, from the simulator or motion capture; no flight code may read it."""
+
+    motion: Topic[GroundTruth]
+    passages: Topic[GatePassage]
+    collisions: Topic[Collision]
+    gates: Topic[tuple[GateEstimate, ...]]
+
+
+class Rig(Protocol):
+    """A drone, real or simulated, and how the world around it is known."""
+
+    autopilot: Autopilot
+    camera: FrameSource
+    tracker: PoseSource
+    worker: Worker
+    truth: GroundTruthFeed | None
+
+    def survey(self, track: Track) -> Track:
+        """``track`` as it is known before the flight."""
+        ...

@@ -1,0 +1,1 @@
+"""From gate sightings to a gate map."""

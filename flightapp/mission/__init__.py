@@ -1,0 +1,1 @@
+"""The state machine and the facade that missions call."""

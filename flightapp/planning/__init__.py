@@ -1,0 +1,1 @@
+"""From a gate map to a trajectory."""

@@ -1,0 +1,1 @@
+"""Flight logs: written in flight, read afterwards."""

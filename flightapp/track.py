@@ -1,0 +1,164 @@
+"""Tracks: gates in the order of passage, start, finish, waypoints and obstacles, from TOML.
+
+Coordinates are metres in the world frame; a gate's yaw is its direction of passage.
+"""
+
+import math
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from flightapp.frames import Vector
+from flightapp.inputs import read_toml, validate
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Point = tuple[Finite, Finite, Finite]
+FORBID = ConfigDict(extra="forbid", frozen=True)
+
+
+class MarkerLayout(StrEnum):
+    """Where a gate carries its markers, on the side that is seen on approach."""
+
+    TOP = "top"
+    """One, above the opening."""
+    CORNERS = "corners"
+    """Four: top left, top right, bottom right, bottom left as seen on approach."""
+
+
+class GateShape(BaseModel):
+    """What all gates of a track have in common."""
+
+    model_config = FORBID
+
+    opening: float = Field(1.4, gt=0.3, le=10.0, description="m, side of the square opening")
+    border: float = Field(0.4, gt=0.0, le=2.0, description="m, width of the frame around the opening")
+    marker_size: float = Field(0.3, gt=0.02, le=2.0, description="m, side of a marker's black square")
+    dictionary: str = Field("4X4_50", description="OpenCV ArUco dictionary, without DICT_")
+    layout: MarkerLayout = Field(MarkerLayout.CORNERS, description="top: one marker; corners: four")
+
+    @model_validator(mode="after")
+    def _markers_fit(self) -> "GateShape":
+        if self.marker_size > self.border:
+            raise ValueError(f"marker_size {self.marker_size} m is wider than the border, {self.border} m")
+        return self
+
+    @property
+    def marker_count(self) -> int:
+        """How many markers a gate carries."""
+        return 1 if self.layout is MarkerLayout.TOP else 4
+
+    def marker_corners(self) -> Vector:
+        """(k, 4, 3) corners of each marker in the gate frame, in the order in which detectors give them.
+
+        Seen on approach one looks along the gate's x axis, so left is +y and up is +z.
+        """
+        r = 0.5 * (self.opening + self.border)
+        centres = [(0.0, r)] if self.layout is MarkerLayout.TOP else [(r, r), (-r, r), (-r, -r), (r, -r)]
+        h = 0.5 * self.marker_size
+        square = [(h, h), (-h, h), (-h, -h), (h, -h)]
+        return np.array([[(0.0, y + dy, z + dz) for dy, dz in square] for y, z in centres])
+
+
+class Gate(BaseModel):
+    """One gate."""
+
+    model_config = FORBID
+
+    id: int = Field(ge=0, description="the gate's name in maps and reports")
+    position: Point = Field(description="m, centre of the opening")
+    yaw_deg: Finite = Field(description="°, direction of passage")
+    markers: tuple[int, ...] = Field(description="marker ids in the order of the layout")
+
+    @property
+    def yaw(self) -> float:
+        """Direction of passage, rad."""
+        return math.radians(self.yaw_deg)
+
+
+class Uncertainty(BaseModel):
+    """How well the gates' positions are known before the flight."""
+
+    model_config = FORBID
+
+    horizontal: float = Field(0.0, ge=0.0, le=20.0, description="m, radius of the disc that holds the gate")
+    vertical: float = Field(0.0, ge=0.0, le=5.0, description="m, half-height of that disc")
+    yaw_deg: float = Field(0.0, ge=0.0, le=90.0, description="°, greatest error of the yaw")
+
+
+class Start(BaseModel):
+    """A point with a heading."""
+
+    model_config = FORBID
+
+    position: Point
+    yaw_deg: Finite = 0.0
+
+    @property
+    def yaw(self) -> float:
+        """Heading, rad."""
+        return math.radians(self.yaw_deg)
+
+
+class Box(BaseModel):
+    """An axis-aligned solid box."""
+
+    model_config = FORBID
+
+    name: str
+    centre: Point
+    size: Point
+
+
+class Track(BaseModel):
+    """Where to fly."""
+
+    model_config = FORBID
+
+    name: str
+    start: Start
+    gate: GateShape = GateShape()
+    gates: tuple[Gate, ...] = ()
+    waypoints: tuple[Point, ...] = ()
+    finish: Point | None = None
+    uncertainty: Uncertainty = Uncertainty()
+    obstacles: tuple[Box, ...] = ()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Track":
+        if not self.gates and not self.waypoints:
+            raise ValueError("the track is empty: it needs at least one [[gates]] entry, or waypoints")
+        gate_of: dict[int, int] = {}
+        ids: set[int] = set()
+        for gate in self.gates:
+            if gate.id in ids:
+                raise ValueError(f"gate id {gate.id} is used twice; give each gate its own id")
+            ids.add(gate.id)
+            if len(gate.markers) != self.gate.marker_count:
+                raise ValueError(
+                    f"gate {gate.id} lists {len(gate.markers)} markers, but the layout"
+                    f" '{self.gate.layout}' has {self.gate.marker_count}"
+                )
+            for marker in gate.markers:
+                if marker in gate_of:
+                    raise ValueError(
+                        f"marker id {marker} is used twice, on gates {gate_of[marker]} and {gate.id};"
+                        " a marker must tell its gate"
+                    )
+                gate_of[marker] = gate.id
+            lowest = gate.position[2] - 0.5 * self.gate.opening
+            if lowest < 0.0:
+                raise ValueError(
+                    f"gate {gate.id} is underground: its opening begins at z = {lowest:.2f} m;"
+                    f" raise position z to at least {0.5 * self.gate.opening:.2f}"
+                )
+        if self.start.position[2] < 0.0:
+            raise ValueError(f"the start is underground: z = {self.start.position[2]:.2f} m")
+        return self
+
+
+def load_track(path: Path) -> Track:
+    """Read and check a track; raises `BadInputError` that names the file, the field and the mend."""
+    return validate(Track, read_toml(path, "track file"), str(path))

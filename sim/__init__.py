@@ -1,0 +1,1 @@
+"""The in-process world: vehicle, autopilot model, sensors, virtual time and the referee."""
