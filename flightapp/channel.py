@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 T = TypeVar("T")
 
@@ -39,7 +39,12 @@ class Topic(Generic[T]):
         """The next message that will be published after this call."""
         waiter: asyncio.Future[T] = asyncio.get_running_loop().create_future()
         self._waiters.append(waiter)
-        return await waiter
+        try:
+            return await waiter
+        except asyncio.CancelledError:
+            if waiter in self._waiters:
+                self._waiters.remove(waiter)
+            raise
 
     def tap(self, callback: Tap[T]) -> None:
         """Have ``callback`` called with every message from now on."""
@@ -55,8 +60,8 @@ class Reader(Generic[T]):
 
     async def newest(self) -> T:
         """The newest message that this reader has not taken yet; waits if there is none."""
-        latest = self._topic.latest
-        if latest is None or self._topic.count == self._seen:
-            latest = await self._topic.next()
+        if self._topic.count == self._seen:
+            await self._topic.next()
+        # More may have been published between the waking and now.
         self._seen = self._topic.count
-        return latest
+        return cast(T, self._topic.latest)

@@ -33,16 +33,17 @@ class Vehicle(Section):
     """The airframe as the flight code knows it."""
 
     name: str = Field("racer", description="name, for reports")
-    thrust_to_weight: Finite = Field(4.0, gt=1.1, le=20.0, description="full collective thrust over weight")
+    thrust_to_weight: Finite = Field(3.1, gt=1.1, le=20.0, description="full collective thrust over weight")
     hover_thrust: Finite = Field(0.25, gt=0.02, lt=0.9, description="0..1, PX4's MPC_THR_HOVER")
     thrust_curve: Finite = Field(0.0, ge=0.0, le=1.0, description="PX4's THR_MDL_FAC")
-    drag: Triple = Field((0.0, 0.0, 0.0), description="1/s, specific force per m/s along the body axes")
-    rate_lag: Finite = Field(0.03, ge=0.0, le=0.5, description="s, first-order lag of the body-rate loop")
-    motor_lag: Finite = Field(0.03, ge=0.0, le=0.5, description="s, first-order lag of the thrust")
-    delay: Finite = Field(0.01, ge=0.0, le=0.2, description="s, from a command's being sent to its taking effect")
+    drag: Triple = Field((0.355, 0.38, 0.555), description="1/s, specific force per m/s along the body axes")
+    rate_lag: Finite = Field(0.036, ge=0.0, le=0.5, description="s, first-order lag of the roll and pitch rates")
+    yaw_rate_lag: Finite = Field(0.09, ge=0.0, le=1.0, description="s, first-order lag of the yaw rate")
+    motor_lag: Finite = Field(0.008, ge=0.0, le=0.5, description="s, first-order lag of the thrust, beyond the delay")
+    delay: Finite = Field(0.029, ge=0.0, le=0.2, description="s, from a command's being sent to its taking effect")
     rate_max: Finite = Field(6.0, gt=0.5, le=30.0, description="rad/s, greatest roll and pitch rate commanded")
     yaw_rate_max: Finite = Field(3.0, gt=0.2, le=15.0, description="rad/s, greatest yaw rate commanded")
-    radius: Finite = Field(0.25, gt=0.02, le=2.0, description="m, of the smallest ball around the vehicle")
+    radius: Finite = Field(0.2, gt=0.02, le=2.0, description="m, of the smallest ball around the vehicle")
 
     @property
     def thrust_max(self) -> float:
@@ -92,6 +93,8 @@ class Detection(Section):
     corner_noise: Finite = Field(0.5, gt=0.01, le=10.0, description="px, standard deviation of a corner")
     max_reprojection: Finite = Field(2.5, gt=0.1, le=50.0, description="px RMS, above it a sighting is refused")
     max_distance: Finite = Field(12.0, gt=0.5, le=100.0, description="m, beyond it a sighting is refused")
+    region_margin: Finite = Field(20.0, ge=4.0, le=500.0, description="px around a marker that the map expects")
+    region_coverage: Finite = Field(0.6, gt=0.0, le=1.0, description="part of the image, above it all is searched")
 
 
 class Estimation(Section):
@@ -103,6 +106,7 @@ class Estimation(Section):
     position_noise: Finite = Field(0.02, gt=0.0, le=1.0, description="m, standard deviation")
     velocity_noise: Finite = Field(0.05, gt=0.0, le=2.0, description="m/s, standard deviation")
     attitude_noise: Finite = Field(0.01, gt=0.0, le=0.5, description="rad, standard deviation")
+    drift_blend: Finite = Field(0.15, gt=0.0, le=5.0, description="s, time constant that blends a new drift in")
 
 
 class GateMapping(Section):
@@ -110,6 +114,13 @@ class GateMapping(Section):
 
     drift_rate: Finite = Field(0.03, ge=0.0, le=1.0, description="m/√s, random walk of the tracker's origin")
     drift_yaw_rate: Finite = Field(0.002, ge=0.0, le=0.2, description="rad/√s, random walk of its heading")
+    drift_speed: Finite = Field(0.03, ge=0.0, le=1.0, description="√s, horizontal random walk per m/s of speed")
+    drift_speed_vertical: Finite = Field(0.06, ge=0.0, le=1.0, description="√s, vertical random walk per m/s of speed")
+    attitude_error: Finite = Field(0.01, ge=0.0, le=0.2, description="rad, of tracker and camera mount together")
+    range_error: Finite = Field(0.01, ge=0.0, le=0.2, description="share of the distance, camera calibration")
+    sync_error: Finite = Field(0.003, ge=0.0, le=0.1, description="s, between the stamps of camera and tracker")
+    correlation_time: Finite = Field(0.5, ge=0.0, le=10.0, description="s during which these errors stay the same")
+    moved_after: int = Field(15, ge=2, le=1000, description="refused sightings in a row that make a gate a moved one")
     gate: Finite = Field(16.0, gt=1.0, le=100.0, description="χ² (4 dof) beyond which a sighting is refused")
     known_sigma: Finite = Field(0.35, gt=0.01, le=5.0, description="m, a gate this well known may be flown through")
 
@@ -122,6 +133,11 @@ class Planning(Section):
     lead: Finite = Field(0.12, ge=0.0, le=1.0, description="s, a new plan starts this long after it is asked for")
     replan_distance: Finite = Field(0.05, gt=0.0, le=2.0, description="m, a gate that moved this far is planned anew")
     replan_interval: Finite = Field(0.15, ge=0.0, le=5.0, description="s, least time between plans")
+    free_knots: int = Field(2, ge=1, le=4, description="points per leg between gates that the planner may move")
+    crossing_deg: Finite = Field(25.0, ge=5.0, le=60.0, description="°, angle to a gate's normal to stay within")
+    thrust_share: Finite = Field(0.9, gt=0.1, le=1.0, description="of the vehicle's full thrust that plans may use")
+    rate_share: Finite = Field(0.6, gt=0.1, le=1.0, description="of vehicle.rate_max that plans may use")
+    yaw_acceleration: Finite = Field(10.0, gt=0.1, le=100.0, description="rad/s², greatest of the planned heading")
 
 
 class Control(Section):
@@ -129,14 +145,20 @@ class Control(Section):
 
     controller: str = Field("flatness", description="entry point in flightapp.controllers")
     rate: Finite = Field(250.0, ge=20.0, le=1000.0, description="Hz")
-    position_bandwidth: Finite = Field(2.5, gt=0.1, le=20.0, description="rad/s, horizontal position loop")
+    position_bandwidth: Finite = Field(4.0, gt=0.1, le=20.0, description="rad/s, horizontal position loop")
     position_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, horizontal position loop")
-    height_bandwidth: Finite = Field(3.5, gt=0.1, le=20.0, description="rad/s, vertical position loop")
+    height_bandwidth: Finite = Field(4.5, gt=0.1, le=20.0, description="rad/s, vertical position loop")
     height_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, vertical position loop")
     integral: Finite = Field(0.5, ge=0.0, le=5.0, description="1/s, rate at which a steady error is removed")
-    attitude_bandwidth: Finite = Field(10.0, gt=0.5, le=40.0, description="1/s, tilt loop")
+    attitude_bandwidth: Finite = Field(8.0, gt=0.5, le=40.0, description="1/s, tilt loop")
     yaw_bandwidth: Finite = Field(3.0, gt=0.1, le=20.0, description="1/s, heading loop")
     tilt_max_deg: Finite = Field(65.0, gt=5.0, le=170.0, description="°, greatest tilt commanded")
+    error_max: Finite = Field(1.0, gt=0.05, le=20.0, description="m, position errors count no more than this")
+    push_max: Finite = Field(2.0, ge=0.0, le=10.0, description="m/s², greatest steady horizontal push learnt (wind)")
+    trim_max: Finite = Field(0.25, ge=0.0, le=0.5, description="greatest relative thrust error learnt (mass, battery)")
+    airborne_height: Finite = Field(
+        0.25, ge=-100.0, le=100.0, description="m, world height from which these are learnt"
+    )
 
 
 class Race(Section):
@@ -169,8 +191,10 @@ class Safety(Section):
 class Guard(Section):
     """Bounds on what reaches the autopilot."""
 
-    thrust_min: Finite = Field(1.0, ge=0.0, le=20.0, description="m/s², least specific force sent in flight")
+    thrust_min: Finite = Field(1.0, ge=0.0, le=9.0, description="m/s², least specific force sent in flight")
     late: Finite = Field(0.1, gt=0.0, le=1.0, description="s, a command older than this is not sent")
+    rate_slew: Finite = Field(500.0, gt=1.0, le=1e5, description="rad/s², fastest change of a body rate sent")
+    thrust_slew: Finite = Field(1500.0, gt=1.0, le=1e6, description="m/s³, fastest change of the thrust sent")
 
 
 class Compute(Section):
@@ -261,6 +285,8 @@ def load_config(
     origin: dict[Location, str] = {}
     for source, layer in layers:
         for section, table in layer.items():
+            if not isinstance(data.get(section, {}), dict):
+                continue  # what an earlier source got wrong stays, to be told
             origin[section,] = source
             if not isinstance(table, dict):
                 data[section] = table

@@ -16,6 +16,7 @@ from flightapp.inputs import read_toml, validate
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
+Length = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 FORBID = ConfigDict(extra="forbid", frozen=True)
 
 
@@ -36,7 +37,11 @@ class GateShape(BaseModel):
     opening: float = Field(1.4, gt=0.3, le=10.0, description="m, side of the square opening")
     border: float = Field(0.4, gt=0.0, le=2.0, description="m, width of the frame around the opening")
     marker_size: float = Field(0.3, gt=0.02, le=2.0, description="m, side of a marker's black square")
-    dictionary: str = Field("4X4_50", description="OpenCV ArUco dictionary, without DICT_")
+    dictionary: str = Field(
+        "4X4_50",
+        pattern="^(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
+        description="OpenCV ArUco dictionary, without DICT_",
+    )
     layout: MarkerLayout = Field(MarkerLayout.CORNERS, description="top: one marker; corners: four")
 
     @model_validator(mode="after")
@@ -44,6 +49,11 @@ class GateShape(BaseModel):
         if self.marker_size > self.border:
             raise ValueError(f"marker_size {self.marker_size} m is wider than the border, {self.border} m")
         return self
+
+    @property
+    def dictionary_size(self) -> int:
+        """How many markers the dictionary has; ids count from 0."""
+        return int(self.dictionary.partition("_")[2])
 
     @property
     def marker_count(self) -> int:
@@ -109,7 +119,7 @@ class Box(BaseModel):
 
     name: str
     centre: Point
-    size: Point
+    size: tuple[Length, Length, Length]
 
 
 class Track(BaseModel):
@@ -142,6 +152,11 @@ class Track(BaseModel):
                     f" '{self.gate.layout}' has {self.gate.marker_count}"
                 )
             for marker in gate.markers:
+                if not 0 <= marker < self.gate.dictionary_size:
+                    raise ValueError(
+                        f"gate {gate.id} has marker id {marker}, but dictionary {self.gate.dictionary}"
+                        f" goes from 0 to {self.gate.dictionary_size - 1}"
+                    )
                 if marker in gate_of:
                     raise ValueError(
                         f"marker id {marker} is used twice, on gates {gate_of[marker]} and {gate.id};"

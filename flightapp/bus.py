@@ -1,0 +1,36 @@
+"""The topics that tasks and behaviors share."""
+
+from flightapp.channel import Topic
+from flightapp.messages import (
+    Event,
+    Frame,
+    GateMap,
+    Phase,
+    PlanReport,
+    PoseSample,
+    RateCommand,
+    Setpoint,
+    Sightings,
+    VehicleState,
+)
+from flightapp.planning.goal import Goal
+from flightapp.trajectory import Trajectory
+
+
+class Bus:
+    """Every topic of the application, by name; the autopilot's status is the autopilot's own."""
+
+    def __init__(self) -> None:
+        self.frame: Topic[Frame] = Topic("frame")
+        self.sightings: Topic[Sightings] = Topic("sightings")
+        self.pose: Topic[PoseSample] = Topic("pose")
+        self.state: Topic[VehicleState] = Topic("state")
+        self.gate_map: Topic[GateMap] = Topic("gate_map")
+        self.goal: Topic[Goal] = Topic("goal")
+        self.trajectory: Topic[Trajectory] = Topic("trajectory")
+        self.plan: Topic[PlanReport] = Topic("plan")
+        self.setpoint: Topic[Setpoint] = Topic("setpoint")
+        self.command: Topic[RateCommand] = Topic("command")
+        self.phase: Topic[Phase] = Topic("phase")
+        self.event: Topic[Event] = Topic("event")
+        self.fault: Topic[Event] = Topic("fault")

@@ -1,0 +1,5 @@
+"""What a controller raises."""
+
+
+class ControllerError(ValueError):
+    """No command can be computed from what was given; the text says why."""

@@ -1,0 +1,182 @@
+"""One flight in one dictionary: the contents of summary.json."""
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from pydantic import ValidationError
+
+from flightapp.evaluation.flight import Flight
+from flightapp.evaluation.gates import Crossing, crossings
+from flightapp.evaluation.metrics import (
+    Window,
+    plan_statistics,
+    position_error,
+    racing_window,
+    rmse,
+    sender_statistics,
+    speeds,
+    velocity_error,
+)
+from flightapp.inputs import BadInputError
+from flightapp.messages import Event, Outcome
+from flightapp.timing import TickStatistics
+from flightapp.track import Track
+
+Summary = dict[str, Any]
+DECIMALS = 6
+
+
+def summarise(flight: Flight, outcome: str | None = None, sender: TickStatistics | None = None) -> Summary:
+    """The metrics of ``flight``, in SI units, rounded to 1e-6, with its keys in a fixed order.
+
+    ``outcome`` defaults to what the log's header says (null if nothing). ``sender`` is the punctuality as
+    the sender itself measured it; without it, it is taken from the commands' stamps. Times count from the
+    start of the racing window. Raises `BadInputError` if the header's track or config cannot be read.
+    """
+    window = racing_window(flight)
+    motion = flight.truth if flight.has_truth else flight.states
+    speed = speeds(motion, window)
+    seed = flight.header.get("seed")
+    settings = flight_settings(flight)
+    summary = {
+        "mission": flight.header.get("mission"),
+        "seed": int(seed) if seed and seed.lstrip("-").isdigit() else seed,
+        "outcome": outcome or flight.header.get("outcome"),
+        "v_max": settings.get("race", {}).get("v_max"),
+        "elapsed": window.duration,
+        "v_peak": speed and speed.peak,
+        "v_avg": speed and speed.mean,
+        "gates": _gates(flight, window, settings),
+        "collisions": [
+            {"time": touch.stamp - window.start, "obstacle": touch.obstacle, "speed": touch.speed}
+            for touch in flight.collisions
+        ],
+        **_errors(flight, window),
+        "replans": asdict(plan_statistics(flight.plans, window)),
+        "sender": _sender(flight, window, settings, sender),
+        "faults": [_timed(event, window) for event in flight.events if event.kind == "fault"],
+        "judged_by": "truth" if flight.has_truth else "estimate",
+        "complete": flight.complete,
+    }
+    rounded: Summary = _rounded(summary)
+    return rounded
+
+
+def to_json(summary: Mapping[str, Any]) -> str:
+    """``summary`` as indented JSON; the same summary gives the same text."""
+    return json.dumps(_rounded(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def why_failed(summary: Mapping[str, Any]) -> str:
+    """Why the flight does not count as a success; empty if it does.
+
+    A success achieved its goal, touched nothing and passed every gate, by ground truth where there is one.
+    """
+    outcome = summary.get("outcome")
+    missed = [str(gate["id"]) for gate in summary.get("gates", []) if not gate["passed"]]
+    touched = sorted({touch["obstacle"] for touch in summary.get("collisions", [])})
+    reasons = []
+    if outcome != Outcome.GOAL_ACHIEVED.value:
+        reasons.append(str(outcome or "no outcome"))
+    if touched:
+        reasons.append(f"touched {', '.join(touched)}")
+    if missed:
+        reasons.append(f"missed gate {', '.join(missed)}")
+    return "; ".join(reasons)
+
+
+def flight_track(flight: Flight) -> Track | None:
+    """The track in the log's header; None if there is none; raises `BadInputError` if it is not one."""
+    text = flight.header.get("track")
+    if not text:
+        return None
+    try:
+        return Track.model_validate_json(text)
+    except ValidationError as error:
+        raise BadInputError(f"the track in the log's header cannot be read: {error}") from None
+
+
+def flight_settings(flight: Flight) -> dict[str, Any]:
+    """The effective config in the log's header; raises `BadInputError` if it is not TOML."""
+    try:
+        return tomllib.loads(flight.header.get("config", ""))
+    except tomllib.TOMLDecodeError as error:
+        raise BadInputError(f"the config in the log's header cannot be read: {error}") from None
+
+
+def _errors(flight: Flight, window: Window) -> dict[str, Any]:
+    errors = {
+        "tracking_rmse": position_error(flight.setpoints, flight.states, window),
+        "tracking_rmse_truth": position_error(flight.setpoints, flight.truth, window),
+        "speed_rmse": velocity_error(flight.setpoints, flight.states, window),
+        "speed_rmse_truth": velocity_error(flight.setpoints, flight.truth, window),
+        "estimation_rmse": position_error(flight.states, flight.truth, window),
+    }
+    totals = {name: rmse(error) for name, (_, error) in errors.items()}
+    return {name: total and asdict(total) for name, total in totals.items()}
+
+
+def _gates(flight: Flight, window: Window, settings: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One row for each gate of each lap; the k-th passage of a gate belongs to its k-th lap."""
+    track = flight_track(flight)
+    gate_ids = [gate.id for gate in track.gates] if track else sorted({p.gate_id for p in flight.passages})
+    passages = {gate_id: _passages(flight, gate_id, window, track) for gate_id in gate_ids}
+    laps = settings.get("mission", {}).get("laps", 1)
+    rows = []
+    for lap in range(laps):
+        for gate_id in gate_ids:
+            found = passages[gate_id]
+            here = found[lap] if lap < len(found) else None
+            rows.append(
+                {
+                    "id": gate_id,
+                    "lap": lap + 1,
+                    "passed": here is not None,
+                    "time": here and here.stamp - window.start,
+                    "offset": here and here.offset,
+                }
+            )
+    return rows
+
+
+def _passages(flight: Flight, gate_id: int, window: Window, track: Track | None) -> list[Crossing]:
+    """By the referee where there is truth, else by the estimated path through the gate as last estimated."""
+    if flight.has_truth or flight.passages:
+        found = [Crossing(p.stamp, p.offset) for p in flight.passages if p.gate_id == gate_id]
+    else:
+        gates = flight.maps[-1].gates if flight.maps else ()
+        opening = track.gate.opening if track else 0.0
+        path = flight.states
+        found = [
+            crossing
+            for gate in gates
+            if gate.gate_id == gate_id
+            for crossing in crossings(path.stamp, path.position, gate.position, gate.yaw, opening)
+        ]
+    return [crossing for crossing in found if window.start <= crossing.stamp <= window.end]
+
+
+def _sender(
+    flight: Flight, window: Window, settings: Mapping[str, Any], measured: TickStatistics | None
+) -> dict[str, Any] | None:
+    rate = settings.get("control", {}).get("rate")
+    statistics = measured or sender_statistics(flight.commands, window, rate)
+    return None if statistics is None else asdict(statistics)
+
+
+def _timed(event: Event, window: Window) -> dict[str, Any]:
+    return {"time": event.stamp - window.start, "text": event.text}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(item) for item in value]
+    if isinstance(value, float):
+        return round(float(value), DECIMALS) + 0.0 if math.isfinite(value) else None
+    return value

@@ -1,0 +1,51 @@
+"""Success rate of many flights."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from flightapp.evaluation.summary import why_failed
+
+NORMAL_975 = 1.959963984540054
+"""The standard normal's 97.5 % quantile."""
+
+
+def wilson_interval(successes: int, runs: int) -> tuple[float, float]:
+    """The 95 % score interval of a success rate, after E. B. Wilson, J. Am. Stat. Assoc. 22 (1927), eq. (6).
+
+    Raises ValueError unless 0 ≤ successes ≤ runs; of no runs at all it is (0, 1).
+    """
+    if not 0 <= successes <= runs:
+        raise ValueError(f"{successes} successes in {runs} runs")
+    if runs == 0:
+        return 0.0, 1.0
+    z2 = NORMAL_975**2
+    rate = successes / runs
+    centre = rate + z2 / (2.0 * runs)
+    spread = NORMAL_975 * math.sqrt(rate * (1.0 - rate) / runs + z2 / (4.0 * runs**2))
+    scale = 1.0 + z2 / runs
+    low = 0.0 if successes == 0 else (centre - spread) / scale
+    high = 1.0 if successes == runs else (centre + spread) / scale
+    return low, high
+
+
+def sweep_summary(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The sweep's JSON from each flight's summary.
+
+    A flight that ended without a summary (its process crashed) is given as {"seed", "why"}. A success is
+    what `why_failed` has nothing against; the elapsed times are of the successes, null if there are none.
+    """
+    reasons = [(result.get("seed"), result.get("why") or why_failed(result)) for result in results]
+    elapsed = [result["elapsed"] for result, (_, why) in zip(results, reasons, strict=True) if not why]
+    successes = len(elapsed)
+    p50, p95 = np.percentile(elapsed, (50.0, 95.0)).tolist() if elapsed else (None, None)
+    return {
+        "runs": len(results),
+        "successes": successes,
+        "rate": successes / len(results) if results else 0.0,
+        "ci95": list(wilson_interval(successes, len(results))),
+        "elapsed": {"p50": p50, "p95": p95},
+        "failures": [{"seed": seed, "why": why} for seed, why in reasons if why],
+    }

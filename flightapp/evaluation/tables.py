@@ -1,0 +1,125 @@
+"""The tables of a flight: once as text, for the terminal and for the report."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich import box
+from rich.table import Table as RichTable
+
+from flightapp.evaluation.paper import AXES, SPEEDS, Table, compared_tables
+
+NONE = "–"
+
+_ERRORS = {
+    "tracking_rmse": ("position, reference − estimate", "m"),
+    "tracking_rmse_truth": ("position, reference − truth", "m"),
+    "speed_rmse": ("velocity, reference − estimate", "m/s"),
+    "speed_rmse_truth": ("velocity, reference − truth", "m/s"),
+    "estimation_rmse": ("position, estimate − truth", "m"),
+}
+_SPEED_TITLES = {"v_peak": "v peak m/s", "v_avg": "v mean m/s", "elapsed": "elapsed s"}
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """A table whose cells are text; the first column holds names, the others numbers."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def flight_tables(summary: Mapping[str, Any]) -> tuple[TextTable, ...]:
+    """All that there is to say of a flight in tables, the paper's beside ours where it flew the same."""
+    tables = [race_table(summary), error_table(summary), gate_table(summary), timing_table(summary)]
+    tables += [paper_table(table, summary) for table in compared_tables(summary["mission"], summary["v_max"])]
+    tables.append(trouble_table(summary))
+    return tuple(table for table in tables if table.rows)
+
+
+def terminal_tables(summary: Mapping[str, Any]) -> list[RichTable]:
+    """`flight_tables` for a rich console."""
+    return [_rich(table) for table in flight_tables(summary)]
+
+
+def race_table(summary: Mapping[str, Any]) -> TextTable:
+    """Outcome, time and speeds."""
+    gates = summary["gates"]
+    passed = f"{sum(gate['passed'] for gate in gates)} of {len(gates)}" if gates else NONE
+    row = [
+        summary["outcome"] or "not recorded",
+        number(summary["elapsed"], 2),
+        number(summary["v_peak"], 2),
+        number(summary["v_avg"], 2),
+        passed,
+        str(len(summary["collisions"])),
+    ]
+    title = f"{summary['mission'] or 'flight'}, seed {NONE if summary['seed'] is None else summary['seed']}"
+    columns = ("outcome", "elapsed s", "v peak m/s", "v mean m/s", "gates passed", "collisions")
+    return TextTable(f"{title} (by {summary['judged_by']})", columns, [row])
+
+
+def error_table(summary: Mapping[str, Any]) -> TextTable:
+    """RMSEs per axis and total."""
+    rows = []
+    for key, (name, unit) in _ERRORS.items():
+        if summary[key] is not None:
+            rows.append([f"{name}, {unit}", *(number(summary[key][axis], 4) for axis in AXES)])
+    return TextTable("RMSE (total: √ mean ‖e‖²)", ("", *AXES), rows)
+
+
+def gate_table(summary: Mapping[str, Any]) -> TextTable:
+    """Each gate of each lap."""
+    several = any(gate["lap"] > 1 for gate in summary["gates"])
+    rows = []
+    for gate in summary["gates"]:
+        name = f"{gate['id']}, lap {gate['lap']}" if several else str(gate["id"])
+        rows.append([name, "yes" if gate["passed"] else "NO", number(gate["time"], 2), number(gate["offset"], 3)])
+    return TextTable(f"Gates (by {summary['judged_by']})", ("gate", "passed", "time s", "offset m"), rows)
+
+
+def timing_table(summary: Mapping[str, Any]) -> TextTable:
+    """The sender's punctuality and the planner's times."""
+    sender, replans = summary["sender"], summary["replans"]
+    rows = []
+    if sender is not None:
+        name = f"commands at {sender['rate']:.1f} Hz, {sender['overruns']} overruns"
+        rows.append([name, *(number(sender[key], 2, 1e3) for key in ("p50", "p99", "p999"))])
+    if replans["count"] or replans["refused"]:
+        name = f"plans: {replans['count']} flown, {replans['refused']} refused"
+        rows.append([name, *(number(replans[key], 2, 1e3) for key in ("p50", "p99")), ""])
+    return TextTable("Timing", ("", "p50 ms", "p99 ms", "p99.9 ms"), rows)
+
+
+def paper_table(table: Table, summary: Mapping[str, Any]) -> TextTable:
+    """One of the paper's tables: ours, the paper's, and the ratio."""
+    keys = SPEEDS if table.metric == "speeds" else AXES
+    paper, ours = table.row(summary["v_max"]) or {}, table.ours(summary)
+    ratios = {key: None if ours[key] is None else (ours[key] or 0.0) / paper[key] for key in keys}
+    rows = [[name, *(number(values[key], 4) for key in keys)] for name, values in (("ours", ours), ("paper", paper))]
+    rows.append(["ours / paper", *(number(ratios[key], 2) for key in keys)])
+    title = f"Paper's table {table.number}: {table.title}, v_max {summary['v_max']:g} m/s"
+    return TextTable(title, ("", *(_SPEED_TITLES.get(key, key) for key in keys)), rows)
+
+
+def trouble_table(summary: Mapping[str, Any]) -> TextTable:
+    """Faults and collisions."""
+    troubles = [(fault["text"], fault["time"]) for fault in summary["faults"]]
+    troubles += [(f"touched {t['obstacle']} at {t['speed']:.2f} m/s", t["time"]) for t in summary["collisions"]]
+    rows = [[text, number(time, 2)] for text, time in troubles]
+    return TextTable("Faults and collisions", ("what", "time s"), rows)
+
+
+def number(value: float | None, decimals: int, scale: float = 1.0) -> str:
+    """``value`` × ``scale`` with so many ``decimals``; a dash for None."""
+    return NONE if value is None else f"{value * scale:.{decimals}f}"
+
+
+def _rich(table: TextTable) -> RichTable:
+    made = RichTable(title=table.title, box=box.SIMPLE, title_justify="left", title_style="bold")
+    for i, column in enumerate(table.columns):
+        made.add_column(column, justify="left" if i == 0 else "right")
+    for row in table.rows:
+        made.add_row(*row)
+    return made

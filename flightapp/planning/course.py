@@ -1,0 +1,74 @@
+"""Which gates may be flown through now, and where to stop before the first one that may not.
+
+A gate that is known only to within metres is never flown through blindly: the course ends, at rest, a
+standoff before it, from where the camera can see it. It is usually seen long before the drone would brake.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flightapp.frames import Vector
+from flightapp.messages import GateEstimate
+
+EXIT_RUN = 1.5
+"""m beyond a passed gate at which a course may end at the earliest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """The part of the track that can be planned now."""
+
+    gates: tuple[GateEstimate, ...]
+    end: Vector
+    """(3,) m, world: where to come to rest."""
+    waiting_for: GateEstimate | None
+    """The gate that has to be seen before going on; None when the course reaches the goal."""
+
+
+def horizontal_sigma(gate: GateEstimate) -> float:
+    """Largest standard deviation of a gate's horizontal position, m."""
+    P = gate.covariance[:2, :2]
+    spread = math.hypot(0.5 * (P[0, 0] - P[1, 1]), P[0, 1])
+    return math.sqrt(max(0.5 * (P[0, 0] + P[1, 1]) + spread, 0.0))
+
+
+def is_known(gate: GateEstimate, known_sigma: float, least_sightings: int = 3) -> bool:
+    """Whether a gate is known well enough to be flown through."""
+    return gate.sightings >= least_sightings and horizontal_sigma(gate) <= known_sigma
+
+
+def course(
+    gates: Sequence[GateEstimate],
+    origin: Vector,
+    end: Vector,
+    known_sigma: float,
+    standoff: float,
+) -> Course:
+    """The course from ``origin`` (3,) through the leading known ones of ``gates`` towards ``end`` (3,).
+
+    ``standoff`` is the distance in metres to keep from a gate that is not known yet.
+    """
+    known: list[GateEstimate] = []
+    for gate in gates:
+        if not is_known(gate, known_sigma):
+            return Course(tuple(known), _wait_before(gate, known, origin, standoff), gate)
+        known.append(gate)
+    return Course(tuple(known), end, None)
+
+
+def _wait_before(gate: GateEstimate, known: list[GateEstimate], origin: Vector, standoff: float) -> Vector:
+    """Where to wait for ``gate``: on the straight way to it, at its height, a standoff away."""
+    last = known[-1] if known else None
+    before = last.position if last else origin
+    way = gate.position - before
+    distance = math.hypot(way[0], way[1])
+    if last:
+        along = np.array((math.cos(last.yaw), math.sin(last.yaw), 0.0))
+        if distance - standoff < EXIT_RUN:
+            return before + EXIT_RUN * along
+    elif distance <= standoff:
+        return origin.copy()
+    return before + way * (1.0 - standoff / distance)

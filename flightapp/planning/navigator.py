@@ -1,0 +1,93 @@
+"""Decides when to plan anew and from what: the pure part of the planning task."""
+
+import math
+
+import numpy as np
+
+from flightapp.config import Config
+from flightapp.frames import Vector
+from flightapp.interfaces import PlanRequest
+from flightapp.messages import GateEstimate, GateMap
+from flightapp.planning.course import Course, course
+from flightapp.planning.goal import Goal
+from flightapp.planning.line import Line
+from flightapp.trajectory import Trajectory
+
+FROZEN = 0.3
+"""s before a gate from which on its waypoint is not moved any more."""
+
+
+class Navigator:
+    """Turns a goal and a gate map into requests for the planner, and only when the plan has to change."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._serial = -1
+        self._planned: tuple[GateEstimate, ...] = ()
+        self._end: Vector | None = None
+        self._asked = -math.inf
+        self.waiting_for: GateEstimate | None = None
+
+    def request(self, now: float, goal: Goal, gate_map: GateMap | None, line: Line) -> PlanRequest | None:
+        """What to plan at ``now``; None while the line that is being flown will do."""
+        fresh = goal.serial != self._serial
+        if not fresh and (goal.waypoints is not None or now < self._asked + self._config.planning.replan_interval):
+            return None
+        stamp = now + self._config.planning.lead
+        start = line.motion(stamp)
+        leg = self._course(goal, gate_map, line.latest, stamp, start.position)
+        self.waiting_for = leg.waiting_for
+        if not fresh and not self._changed(leg):
+            return None
+        look_at = leg.waiting_for.position if leg.waiting_for else None
+        self._asked = now
+        return PlanRequest(stamp, start, leg.gates, leg.end, goal.limits, look_at)
+
+    def accepted(self, goal: Goal, request: PlanRequest) -> None:
+        """``request`` has become the line being flown."""
+        self._serial = goal.serial
+        self._planned = request.gates
+        self._end = request.end
+
+    def _course(
+        self, goal: Goal, gate_map: GateMap | None, flown: Trajectory | None, stamp: float, origin: Vector
+    ) -> Course:
+        if not goal.gate_ids or gate_map is None:
+            return Course((), goal.end, None)
+        by_id = {gate.gate_id: gate for gate in gate_map.gates}
+        passed, frozen = self._progress(goal, flown, stamp)
+        ahead: list[GateEstimate] = [by_id[gate_id] for gate_id in goal.gate_ids[passed:]]
+        if frozen is not None and ahead and ahead[0].gate_id == frozen.gate_id:
+            ahead[0] = frozen
+        race = self._config.race
+        return course(ahead, origin, goal.end, self._config.mapping.known_sigma, race.standoff)
+
+    def _progress(self, goal: Goal, flown: Trajectory | None, stamp: float) -> tuple[int, GateEstimate | None]:
+        """How many gates will be behind at ``stamp`` by the plan, and the gate that is too near to be moved."""
+        passed = goal.passed
+        if flown is None or goal.serial != self._serial:
+            return passed, None
+        ahead = list(zip(flown.gate_ids, flown.gate_times, strict=True))
+        crossed = [gate_id for gate_id, time in ahead if flown.stamp + time <= stamp]
+        while crossed and passed < len(goal.gate_ids):
+            if goal.gate_ids[passed] not in crossed:
+                break
+            crossed = crossed[crossed.index(goal.gate_ids[passed]) + 1 :]
+            passed += 1
+        for gate, (_, time) in zip(self._planned, ahead, strict=False):
+            if stamp < flown.stamp + time <= stamp + FROZEN:
+                return passed, gate
+        return passed, None
+
+    def _changed(self, leg: Course) -> bool:
+        limit = self._config.planning.replan_distance
+        if _moved(leg.end, self._end, limit if leg.waiting_for is None else 10.0 * limit):
+            return True
+        tail = self._planned[len(self._planned) - len(leg.gates) :]
+        if [gate.gate_id for gate in tail] != [gate.gate_id for gate in leg.gates]:
+            return True
+        return any(_moved(new.position, old.position, limit) for new, old in zip(leg.gates, tail, strict=True))
+
+
+def _moved(new: Vector, old: Vector | None, limit: float) -> bool:
+    return old is None or float(np.max(np.abs(new - old))) > limit

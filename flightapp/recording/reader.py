@@ -1,0 +1,181 @@
+"""Reading a flight log, whole or cut off.
+
+Record framing follows the MCAP specification (https://mcap.dev/spec): one byte of opcode and eight of
+length, so that a record that was cut off is recognised by its length.
+"""
+
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, breakup_chunk
+from zstandard import ZstdError
+
+from flightapp.evaluation.flight import Commands, Flight, Motions, Poses, Setpoints, States
+from flightapp.inputs import BadInputError
+from flightapp.messages import (
+    AutopilotStatus,
+    Collision,
+    Event,
+    GateMap,
+    GatePassage,
+    GroundTruth,
+    PlanReport,
+    PoseSample,
+    RateCommand,
+    Setpoint,
+    Sightings,
+    VehicleState,
+)
+from flightapp.recording.records import RECORDS, TrueGates, decode
+from flightapp.recording.wire import FIXED
+from flightapp.recording.writer import HEADER, PROFILE
+from flightapp.trajectory import Trajectory
+
+_MAGIC = b"\x89MCAP0\r\n"
+_DAMAGE = (
+    McapError,
+    CRCValidationError,
+    ZstdError,
+    struct.error,
+    ArithmeticError,
+    LookupError,
+    MemoryError,
+    TypeError,
+    ValueError,
+)
+
+
+def read_flight(path: Path) -> Flight:
+    """The flight in ``path``, up to where the file is whole.
+
+    Raises `BadInputError` for a file that is missing, empty, not a flight log, of another format version, or
+    damaged elsewhere than at its end.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise BadInputError(f"{path}: there is no such flight log") from None
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read: {error}") from None
+    try:
+        _check_start(path, data)
+        return _Contents(data).flight()
+    except _DAMAGE as error:
+        raise BadInputError(f"{path}: the flight log is damaged: {error or type(error).__name__}") from None
+
+
+def _check_start(path: Path, data: bytes) -> None:
+    if not data:
+        raise BadInputError(f"{path}: the file is empty, not a flight log")
+    if data[: len(_MAGIC)] != _MAGIC[: len(data)]:
+        raise BadInputError(f"{path}: not an MCAP file, so not a flight log")
+    _, opcode, body = next(_records(data), (0, 0, b""))
+    if not body:
+        raise BadInputError(f"{path}: the flight log was cut off before its first record")
+    profile = Header.read(ReadDataStream(BytesIO(body))).profile if opcode == Opcode.HEADER else ""
+    name, _, version = PROFILE.partition("/")
+    if profile.partition("/")[0] != name:
+        raise BadInputError(f"{path}: an MCAP file, but not a flight log of {name} (its profile is '{profile}')")
+    if profile != PROFILE:
+        found = profile.partition("/")[2]
+        raise BadInputError(f"{path}: a flight log of format version {found}; this program reads version {version}")
+
+
+def _records(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Position, opcode and body of every whole record."""
+    position = len(_MAGIC)
+    while position + 9 <= len(data):
+        opcode = data[position]
+        end = position + 9 + int.from_bytes(data[position + 1 : position + 9], "little")
+        if opcode == 0 or end > len(data):
+            return
+        yield position, opcode, data[position + 9 : end]
+        position = end
+
+
+def _check_sum(data: bytes, expected: int) -> None:
+    if expected not in (0, zlib.crc32(data)):
+        raise ValueError("its checksum is wrong")
+
+
+class _Contents:
+    """The payloads of a log by type of message."""
+
+    def __init__(self, data: bytes) -> None:
+        self.header: dict[str, str] = {}
+        self.complete = False
+        self._payloads: dict[str, list[bytes]] = defaultdict(list)
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, list[bytes]] = {}
+        for position, opcode, body in _records(data):
+            stream = ReadDataStream(BytesIO(body))
+            if opcode == Opcode.DATA_END:
+                _check_sum(data[:position], DataEnd.read(stream).data_section_crc)
+                self.complete = True
+                break
+            if opcode == Opcode.METADATA:
+                metadata = Metadata.read(stream)
+                if metadata.name == HEADER:
+                    self.header.update(metadata.metadata)
+            elif opcode == Opcode.CHUNK:
+                for record in breakup_chunk(Chunk.read(stream), validate_crc=True):
+                    self._take(record)
+            elif opcode == Opcode.SCHEMA:
+                self._take(Schema.read(stream))
+            elif opcode == Opcode.CHANNEL:
+                self._take(Channel.read(stream))
+
+    def _take(self, record: Any) -> None:
+        if isinstance(record, Message):
+            self._channels[record.channel_id].append(record.data)
+        elif isinstance(record, Channel):
+            self._channels[record.id] = self._payloads[self._schemas.get(record.schema_id, "")]
+        elif isinstance(record, Schema):
+            self._schemas[record.id] = record.name
+
+    def flight(self) -> Flight:
+        return Flight(
+            self.header,
+            self.complete,
+            self._columns(PoseSample, Poses),
+            self._columns(VehicleState, States),
+            self._columns(Setpoint, Setpoints),
+            self._columns(RateCommand, Commands),
+            self._columns(GroundTruth, Motions),
+            self._messages(GateMap),
+            tuple(report.gates for report in self._messages(TrueGates)),
+            self._messages(Sightings),
+            self._messages(Trajectory),
+            self._messages(AutopilotStatus),
+            self._messages(Event),
+            self._messages(PlanReport),
+            self._messages(GatePassage),
+            self._messages(Collision),
+        )
+
+    def _columns(self, kind: type, columns: type) -> Any:
+        layout = FIXED[kind].layout
+        payloads = self._payloads[layout.name]
+        if not payloads:
+            return columns()
+        arrays = layout.columns(payloads)
+        stamps = arrays["stamp"]
+        if np.any(np.diff(stamps) < 0.0):
+            order = np.argsort(stamps, kind="stable")
+            arrays = {name: array[order] for name, array in arrays.items()}
+        return columns(**arrays)
+
+    def _messages(self, kind: type) -> Any:
+        name = f"flightapp.{kind.__name__}"
+        messages = [decode(RECORDS[name], payload) for payload in self._payloads[name]]
+        return tuple(sorted(messages, key=lambda message: message.stamp))

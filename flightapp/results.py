@@ -1,0 +1,79 @@
+"""What happens to a flight after its end: summary, report, and many flights together."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import joblib
+
+from flightapp import app
+from flightapp.evaluation.report import write_report
+from flightapp.evaluation.summary import summarise, to_json, why_failed
+from flightapp.evaluation.sweep import sweep_summary
+from flightapp.inputs import BadInputError, read_toml
+from flightapp.recording.reader import read_flight
+
+LOG = "flight.mcap"
+
+
+def run_directory(mission: Path, seed: int, out: Path | None) -> Path:
+    """Where to leave the record of a flight: ``out``, or a new directory in runs/.
+
+    Raises `BadInputError` where ``out`` holds a flight already: a record is never overwritten.
+    """
+    if out is not None:
+        if (out / LOG).exists():
+            raise BadInputError(f"--out {out}: holds a flight already; choose another directory or move that one")
+        if out.exists() and not out.is_dir():
+            raise BadInputError(f"--out {out}: is a file; name a directory")
+        return out
+    count = 1
+    while (directory := Path("runs") / f"{mission.stem}-{seed}-{count}").exists():
+        count += 1
+    return directory
+
+
+def finish(flown: app.Flown, page: bool = True) -> dict[str, Any]:
+    """Write summary.json, and report.html if ``page``, beside a flight's log; the summary."""
+    flight = read_flight(flown.out / LOG)
+    summary = summarise(flight)
+    (flown.out / "summary.json").write_text(to_json(summary), encoding="utf-8")
+    if page:
+        write_report(flight, flown.out / "report.html", summary)
+    return summary
+
+
+def report(run: Path) -> tuple[dict[str, Any], Path]:
+    """Summary and report.html of the flight in ``run``, a directory or a log."""
+    log = run / LOG if run.is_dir() else run
+    flight = read_flight(log)
+    summary = summarise(flight)
+    page = log.parent / "report.html"
+    write_report(flight, page, summary)
+    return summary, page
+
+
+def fly_one(plan: app.FlightPlan, seed: int) -> dict[str, Any]:
+    """Fly ``plan`` with another ``seed`` and keep only the summary."""
+    cv2.setNumThreads(1)
+    with tempfile.TemporaryDirectory() as scratch:
+        return finish(app.fly(replace(plan, seed=seed, out=Path(scratch))), page=False)
+
+
+def sweep(plan: app.FlightPlan, runs: int, workers: int, advance: Callable[[bool], None]) -> dict[str, Any]:
+    """Fly ``plan`` with ``runs`` seeds from its own on, in ``workers`` processes; success rate and times."""
+    seeds = range(plan.seed, plan.seed + runs)
+    jobs = (joblib.delayed(fly_one)(plan, seed) for seed in seeds)
+    summaries = []
+    for summary in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
+        summaries.append(summary)
+        advance(not why_failed(summary))
+    return sweep_summary(summaries)
+
+
+def looks_like_track(file: Path) -> bool:
+    """Whether a TOML file describes a track rather than a vehicle."""
+    return bool({"gates", "waypoints", "start"} & read_toml(file, "file").keys())

@@ -1,0 +1,169 @@
+"""The whole data flow on one page: each task awaits its input, calls one algorithm, publishes the result."""
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from flightapp.autopilot.guard import CommandGuard, GuardTrippedError
+from flightapp.bus import Bus
+from flightapp.channel import Reader
+from flightapp.config import Config
+from flightapp.control.flatness import ControllerError
+from flightapp.estimation.history import PoseHistory
+from flightapp.frames import Vector
+from flightapp.interfaces import Controller, Detector, Estimator, Mapper, Planner, PlanningError, PlanRequest, Rig
+from flightapp.messages import Event, Frame, PlanReport, Sightings
+from flightapp.perception.gate_pose import GatePoseSolver
+from flightapp.perception.regions import expected_regions
+from flightapp.planning.goal import Goal
+from flightapp.planning.line import Line
+from flightapp.planning.navigator import Navigator
+from flightapp.timing import Ticker
+from flightapp.track import Track
+from flightapp.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Modules:
+    """The algorithms that were chosen by name."""
+
+    detector: Detector
+    gate_pose: GatePoseSolver
+    estimator: Estimator
+    mapper: Mapper
+    navigator: Navigator
+    planner: Planner
+    controller: Controller
+    guard: CommandGuard
+
+
+def now() -> float:
+    """The event loop's time."""
+    return asyncio.get_running_loop().time()
+
+
+async def camera(rig: Rig, bus: Bus) -> None:
+    """Hardware → frames."""
+    async for frame in rig.camera.frames():
+        bus.frame.publish(frame)
+
+
+async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track: Track) -> None:
+    """Frames → sightings, the newest frame only."""
+    frames = Reader(bus.frame)
+    while True:
+        frame = await frames.newest()
+        regions = None
+        gate_map, state = bus.gate_map.latest, bus.state.latest
+        whole = frame.sequence % config.detection.full_frame_every == 0
+        if config.detection.region_of_interest and not whole and gate_map and state:
+            regions = expected_regions(
+                gate_map.gates, state.position, state.orientation, rig.camera.model, track.gate, config.detection
+            )
+        bus.sightings.publish(await rig.worker.run("detection", partial(_see, modules, regions, frame)))
+
+
+def _see(modules: Modules, regions: Sequence[Vector] | None, frame: Frame) -> Sightings:
+    # a camera that finds markers itself sends no image
+    markers = frame.markers if frame.image is None else modules.detector.detect(frame, regions)
+    return Sightings(frame.stamp, frame.sequence, markers, modules.gate_pose.solve(frame.stamp, markers))
+
+
+async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
+    """Poses and the drift of their frame → vehicle state."""
+    version = -1
+    async for sample in rig.tracker.poses():
+        bus.pose.publish(sample)
+        gate_map = bus.gate_map.latest
+        if gate_map is not None and gate_map.version != version:
+            version = gate_map.version
+            estimator.on_drift(gate_map.drift)
+        state = estimator.on_pose(sample)
+        if state is not None:
+            bus.state.publish(state)
+
+
+async def mapping(rig: Rig, bus: Bus, mapper: Mapper) -> None:
+    """Sightings and the pose from which they were made → gate map."""
+    history = PoseHistory()
+    bus.pose.tap(history.add)
+    bus.gate_map.publish(mapper.snapshot(now()))
+    sightings = Reader(bus.sightings)
+    while True:
+        seen = await sightings.newest()
+        pose = history.at(seen.stamp)
+        if pose is not None and seen.gates:
+            bus.gate_map.publish(await rig.worker.run("mapping", partial(mapper.update, seen.gates, pose)))
+
+
+async def planning(rig: Rig, bus: Bus, modules: Modules, line: Line) -> None:
+    """Goal and gate map → trajectory, when either has changed enough."""
+    changed = asyncio.Event()
+    bus.goal.tap(lambda _: changed.set())
+    bus.gate_map.tap(lambda _: changed.set())
+    while True:
+        await changed.wait()
+        changed.clear()
+        goal = bus.goal.latest
+        if goal is None or line.latest is None:
+            continue
+        request = modules.navigator.request(now(), goal, bus.gate_map.latest, line)
+        if request is None:
+            continue
+        asked = now()
+        try:
+            trajectory = await rig.worker.run("plan", partial(_plan, modules.planner, goal, request))
+        except PlanningError as error:
+            bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
+            continue
+        if now() > trajectory.stamp:
+            late = now() - trajectory.stamp
+            bus.plan.publish(PlanReport(asked, now() - asked, False, f"late by {late:.3f} s"))
+            continue
+        modules.navigator.accepted(goal, request)
+        line.accept(trajectory)
+        bus.trajectory.publish(trajectory)
+        bus.plan.publish(PlanReport(asked, now() - asked, True, ""))
+
+
+def _plan(planner: Planner, goal: Goal, request: PlanRequest) -> Trajectory:
+    if goal.waypoints is None:
+        return planner.plan(request)
+    return planner.through(goal.waypoints, request)
+
+
+async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Ticker) -> None:
+    """Line and state → body rates and thrust, through the guard, to the autopilot."""
+    while True:
+        stamp = await ticker.tick()
+        trajectory, state = line.at(stamp), bus.state.latest
+        if trajectory is None or state is None:
+            modules.controller.reset()
+            continue
+        try:
+            wanted = modules.controller.command(stamp, state, trajectory)
+            command = modules.guard.check(wanted, now(), rig.autopilot.status.latest)
+        except (ControllerError, GuardTrippedError) as error:
+            line.clear()
+            bus.fault.publish(Event(stamp, "fault", f"no command: {error}"))
+            continue
+        rig.autopilot.send(command)
+        bus.setpoint.publish(trajectory.setpoint(stamp))
+        bus.command.publish(command)
+
+
+async def health(bus: Bus, config: Config, line: Line) -> None:
+    """Ages of topics and distance from the line → faults."""
+    ticker = Ticker(20.0)
+    while True:
+        stamp = await ticker.tick()
+        state, setpoint = bus.state.latest, bus.setpoint.latest
+        if line.latest is None or state is None or setpoint is None:
+            continue
+        if stamp - state.stamp > config.safety.state_timeout:
+            bus.fault.publish(Event(stamp, "fault", f"state lost: {stamp - state.stamp:.2f} s old"))
+            continue
+        error = float(abs(setpoint.position - state.position).max())
+        if stamp - setpoint.stamp < 0.1 and error > config.safety.tracking_error:
+            bus.fault.publish(Event(stamp, "fault", f"off the line by {error:.2f} m"))

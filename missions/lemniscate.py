@@ -1,0 +1,11 @@
+"""A figure of eight, 11 m by 5.5 m, as the paper's control experiment."""
+
+TRACK = "tracks/lemniscate.toml"
+SETTINGS = {"race.v_max": 3.0}
+
+
+async def mission(drone):
+    """Take off, fly one lap, land."""
+    await drone.takeoff()
+    await drone.follow()
+    await drone.land()

@@ -1,0 +1,233 @@
+"""The corner-level camera: what camera and detector would have found, without the image.
+
+Marker corners are projected exactly. Whether a marker is found, and how far off its corners are, follows what
+`flightapp.perception.aruco.ArucoDetector` made of 2,400 images of `sim.render.Renderer` (pinhole 640×480 and
+fisheye 848×800; 1.2 to 14 m, up to 70° off the gate's axis, exposures of 4 to 15 ms, blur of 0 to 30 px; 8,055
+markers wholly in view). The numbers below are maximum-likelihood fits to these.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flightapp.frames import Vector
+from flightapp.jit import kernel
+from flightapp.messages import MarkerDetection
+from flightapp.perception.camera import CameraModel
+from sim.render import PoseAt, camera_poses, ray_grid
+from sim.scene import Quads, Scene
+
+HALF_FOUND = 9.8
+"""px, narrow side of a sharp marker that is found every other time."""
+BLUR_COST = 0.19
+"""1/px, the narrow side must be longer by this times the square of the blur's length."""
+STEEPNESS = 9.9
+"""Exponent of the odds of being found in the ratio of the narrow side to the one that is found every other time."""
+CORE = 0.031
+"""px, standard deviation of the corners of a large, sharp marker."""
+CORE_SMALL, CORE_BLURRED = 0.139, 0.034
+"""px, and 1 per px of blur: added to it at the ratio of one; falls with the ratio's third power."""
+OUTLIERS = 0.15
+"""Share of corners on a wrong edge at the ratio of one; falls linearly to none at `OUTLIERS_UNTIL`."""
+OUTLIERS_UNTIL = 2.2
+OUTLIER, OUTLIER_BLURRED = 0.75, 0.04
+"""px, and 1 per px of blur: the standard deviation of those."""
+BOW = 2.0 / 3.0
+"""A straight line fitted to a side that the lens bends lies this part of the sagitta off the corners' chord."""
+BORDER = 2.0
+"""px, a marker nearer to the image's border is not found."""
+QUIET = 1.15
+"""A marker is hidden as soon as something covers a part of it magnified by this: its quiet zone counts."""
+POINTS = 8
+
+
+@kernel
+def _hidden(quads: Quads, own: int, eye: Vector, px: float, py: float, pz: float) -> bool:
+    """Whether a quad other than ``own`` stands between ``eye`` and a point."""
+    for q in range(quads.origin.shape[0]):
+        if q == own:
+            continue
+        a0, a1, a2 = quads.along[q, 0], quads.along[q, 1], quads.along[q, 2]
+        b0, b1, b2 = quads.up[q, 0], quads.up[q, 1], quads.up[q, 2]
+        n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+        e0, e1, e2 = eye[0] - quads.origin[q, 0], eye[1] - quads.origin[q, 1], eye[2] - quads.origin[q, 2]
+        d0, d1, d2 = px - eye[0], py - eye[1], pz - eye[2]
+        here = e0 * n0 + e1 * n1 + e2 * n2
+        step = d0 * n0 + d1 * n1 + d2 * n2
+        if here * (here + step) >= 0.0:
+            continue
+        f = -here / step
+        s = (e0 + f * d0) * a0 + (e1 + f * d1) * a1 + (e2 + f * d2) * a2
+        t = (e0 + f * d0) * b0 + (e1 + f * d1) * b1 + (e2 + f * d2) * b2
+        if s < quads.bounds[q, 0] or s > quads.bounds[q, 1] or t < quads.bounds[q, 2] or t > quads.bounds[q, 3]:
+            continue
+        if s <= quads.hole[q, 0] or s >= quads.hole[q, 1] or t <= quads.hole[q, 2] or t >= quads.hole[q, 3]:
+            return True
+    return False
+
+
+@kernel
+def _to_camera(points: Vector, R_wc: Vector, centres: Vector) -> Vector:
+    """``points`` (n, 3) m, world, in the camera frame of each pose: (poses · n, 3)."""
+    n = points.shape[0]
+    out = np.empty((R_wc.shape[0] * n, 3))
+    for k in range(R_wc.shape[0]):
+        for i in range(n):
+            for j in range(3):
+                out[k * n + i, j] = 0.0
+                for axis in range(3):
+                    out[k * n + i, j] += (points[i, axis] - centres[k, axis]) * R_wc[k, axis, j]
+    return out
+
+
+@kernel
+def _bowed_corners(pixels: Vector, out: Vector) -> None:
+    """Fill ``out`` (4, 2) with where lines fitted to the sides meet; ``pixels`` (8, 2) corners, then middles of sides.
+
+    Side i goes from corner i to the next.
+    """
+    for i in range(4):
+        before = (i + 3) % 4
+        nx = np.empty(2)
+        ny = np.empty(2)
+        shift = np.empty(2)
+        for j in range(2):
+            a = before if j == 0 else i
+            b = (a + 1) % 4
+            ex, ey = pixels[b, 0] - pixels[a, 0], pixels[b, 1] - pixels[a, 1]
+            length = max(math.hypot(ex, ey), 1e-9)
+            nx[j], ny[j] = ey / length, -ex / length
+            mx = pixels[4 + a, 0] - 0.5 * (pixels[a, 0] + pixels[b, 0])
+            my = pixels[4 + a, 1] - 0.5 * (pixels[a, 1] + pixels[b, 1])
+            shift[j] = BOW * (mx * nx[j] + my * ny[j])
+        determinant = nx[0] * ny[1] - nx[1] * ny[0]
+        out[i, 0], out[i, 1] = pixels[i, 0], pixels[i, 1]
+        if abs(determinant) > 0.05:
+            out[i, 0] += (shift[0] * ny[1] - shift[1] * ny[0]) / determinant
+            out[i, 1] += (nx[0] * shift[1] - nx[1] * shift[0]) / determinant
+
+
+@kernel
+def _ratio_and_blur(before: Vector, pixels: Vector, after: Vector) -> tuple[float, float]:
+    """Narrow side over the one that is found every other time, and length of the blur in px; pixels (8, 2)."""
+    longest, blur = 1e-9, 0.0
+    for i in range(4):
+        j = (i + 1) % 4
+        longest = max(longest, math.hypot(pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]))
+        blur += 0.25 * math.hypot(after[i, 0] - before[i, 0], after[i, 1] - before[i, 1])
+    cross = (pixels[2, 0] - pixels[0, 0]) * (pixels[3, 1] - pixels[1, 1])
+    cross -= (pixels[2, 1] - pixels[0, 1]) * (pixels[3, 0] - pixels[1, 0])
+    return 0.5 * abs(cross) / longest / (HALF_FOUND + BLUR_COST * blur * blur), blur
+
+
+@kernel
+def _in_view(points: Vector, pixels: Vector, quads: Quads, own: int, eye: Vector, width: int, height: int) -> bool:
+    """Whether all points (9, 3) of a marker can be seen, whose corners and sides have ``pixels`` (8, 2)."""
+    for i in range(POINTS):
+        u, v = pixels[i, 0], pixels[i, 1]
+        if not (BORDER <= u <= width - 1 - BORDER and BORDER <= v <= height - 1 - BORDER):
+            return False
+    for i in range(points.shape[0]):
+        if _hidden(quads, own, eye, points[i, 0], points[i, 1], points[i, 2]):
+            return False
+    return True
+
+
+@kernel
+def _observe(
+    pixels: Vector,
+    rays: Vector,
+    least_cos: float,
+    margins: Vector,
+    owners: NDArray[np.int64],
+    quads: Quads,
+    eye: Vector,
+    width: int,
+    height: int,
+    chance: Vector,
+    scatter: Vector,
+    out: Vector,
+) -> NDArray[np.bool_]:
+    """Which markers are found, (m,); their corners go to ``out`` (m, 4, 2).
+
+    ``pixels`` (3, m, 8, 2) and ``rays`` (m, 8, 3) m, camera frame, of corners and middles of sides at the start,
+    middle and end of the exposure, and in its middle; ``margins`` (m, 9, 3) m, world, the points that must not be
+    hidden; ``chance`` (m, 5) in 0..1; ``scatter`` (m, 4, 2) standard normal.
+    """
+    found = np.zeros(len(owners), np.bool_)
+    for m in range(len(owners)):
+        q = owners[m]
+        facing = 0.0
+        for j in range(3):
+            a, b = (j + 1) % 3, (j + 2) % 3
+            normal = quads.along[q, a] * quads.up[q, b] - quads.along[q, b] * quads.up[q, a]
+            facing += (eye[j] - quads.origin[q, j]) * normal
+        if facing >= 0.0:
+            continue
+        inside = True
+        for i in range(POINTS):
+            x, y, z = rays[m, i, 0], rays[m, i, 1], rays[m, i, 2]
+            inside = inside and z > least_cos * math.sqrt(x * x + y * y + z * z)
+        if not inside:
+            continue
+        ratio, blur = _ratio_and_blur(pixels[0, m], pixels[1, m], pixels[2, m])
+        if not chance[m, 4] * (1.0 + ratio**-STEEPNESS) < 1.0:
+            continue
+        if not _in_view(margins[m], pixels[1, m], quads, q, eye, width, height):
+            continue
+        found[m] = True
+        _bowed_corners(pixels[1, m], out[m])
+        core = CORE + (CORE_SMALL + CORE_BLURRED * blur) / max(ratio, 0.7) ** 3
+        outliers = OUTLIERS * min(max((OUTLIERS_UNTIL - ratio) / (OUTLIERS_UNTIL - 1.0), 0.0), 1.0)
+        for i in range(4):
+            sigma = OUTLIER + OUTLIER_BLURRED * blur if chance[m, i] < outliers else core
+            out[m, i, 0] += sigma * scatter[m, i, 0]
+            out[m, i, 1] += sigma * scatter[m, i, 1]
+    return found
+
+
+class CornerCamera:
+    """A camera that finds the markers itself."""
+
+    def __init__(self, scene: Scene, camera: CameraModel, exposure: float, seed: int) -> None:
+        self._scene = scene
+        self._camera = camera
+        self._exposure = exposure
+        self._rng = np.random.default_rng(seed)
+        boards = scene.boards
+        whole = boards.corners[:, :, 2].min(axis=1, initial=np.inf) >= 0.0
+        corners = boards.corners[whole]
+        centres = corners.mean(axis=1, keepdims=True)
+        points = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
+        self._points = points.reshape(-1, 3)
+        self._margins = np.concatenate([centres + QUIET * (points - centres), centres], axis=1)
+        self._owners = boards.quad[whole]
+        self._ids = [int(marker) for marker in boards.ids[whole]]
+        rays = ray_grid(camera, 64, 64).reshape(-1, 3)
+        self._least_cos = float(rays[rays.any(axis=1), 2].min()) - 0.05
+
+    def detect(self, stamp: float, pose_at: PoseAt) -> tuple[MarkerDetection, ...]:
+        """The markers found in the exposure that is centred on ``stamp``, in the order of the track."""
+        m = len(self._ids)
+        chance, scatter = self._rng.random((m, 5)), self._rng.standard_normal((m, 4, 2))
+        ends = stamp + 0.5 * self._exposure * np.array([-1.0, 0.0, 1.0])
+        R_wc, centres = camera_poses(self._camera, pose_at, ends)
+        rays = _to_camera(self._points, R_wc, centres)
+        pixels = self._camera.project(rays).reshape(3, m, POINTS, 2)
+        corners = np.empty((m, 4, 2))
+        found = _observe(
+            pixels,
+            rays.reshape(3, m, POINTS, 3)[1],
+            self._least_cos,
+            self._margins,
+            self._owners,
+            self._scene.quads,
+            centres[1],
+            self._camera.width,
+            self._camera.height,
+            chance,
+            scatter,
+            corners,
+        )
+        return tuple(MarkerDetection(self._ids[i], corners[i]) for i in np.flatnonzero(found))

@@ -1,0 +1,203 @@
+"""The simulated vehicle behind one object: commands in, motion out, and a short memory of it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flightapp.frames import Vector, quat_from_yaw
+from sim import layout as at
+from sim.dynamics import advance
+from sim.vehicles import FOOT_SAG, VehicleParameters
+
+MEMORY = 2048
+"""Trace rows that are always kept."""
+NOISE_ROWS = 4096
+
+
+class Plant:
+    """A vehicle with its rate loop in the wind, advanced in whole steps.
+
+    It starts at rest at ``position`` (3,) m, facing ``yaw``; on the ground (z ≤ 0) it stands on its feet, and in the
+    air it falls until it is commanded. ``wind`` and ``gust`` are the mean speed and the standard deviation of the
+    gusts in m/s; the mean wind's direction and the gusts follow from ``seed``. ``start`` is the time it starts at.
+    """
+
+    def __init__(
+        self,
+        vehicle: VehicleParameters,
+        seed: int,
+        step: float = 0.001,
+        wind: float = 0.0,
+        gust: float = 0.0,
+        position: Sequence[float] | Vector = (0.0, 0.0, 0.0),
+        yaw: float = 0.0,
+        start: float = 0.0,
+    ) -> None:
+        self.vehicle = vehicle
+        self._rng = np.random.default_rng([seed, 0x9A1])
+        bearing = self._rng.uniform(0.0, 2.0 * np.pi)
+        self.mean_wind = wind * np.array([np.cos(bearing), np.sin(bearing), 0.0])
+        self._start, self._step, self._count = start, step, 0
+        self._constants = vehicle.constants(step, start, self.mean_wind, gust)
+        self._state = self._initial_state(position, yaw)
+        # Single numbers are read and written much faster through a memoryview.
+        self._cells = memoryview(self._state.data).cast("B").cast("d")
+        self._gusty = gust > 0.0
+        self._noise = self._rng.standard_normal((NOISE_ROWS if self._gusty else 1, 3))
+        self._noise_left = NOISE_ROWS
+        self._history = np.zeros((2 * MEMORY, at.TRACE))
+        self._history[0, 0] = start
+        self._history[0, 1:] = self._state[: at.ROTORS]
+        self._first = self._filled = 1
+        self._capacity = len(self._history)
+
+    def _initial_state(self, position: Sequence[float] | Vector, yaw: float) -> Vector:
+        S = np.zeros(at.STATE_SIZE)
+        S[0:3] = position
+        if S[2] <= 0.0:
+            S[2] = -FOOT_SAG
+            S[at.CONTACT] = 1.0
+        S[at.ORIENTATION : at.VELOCITY] = quat_from_yaw(yaw)
+        S[at.CHARGE] = 1.0
+        S[at.VOLTAGE] = self.vehicle.battery.cells * self.vehicle.battery.open_circuit[-1]
+        S[at.PHASE] = self._constants[at.P_LOOP_PERIOD]
+        gust = self._constants[at.P_GUST]
+        S[at.GUST : at.GUST + 2] = gust * self._rng.standard_normal(2)
+        return S
+
+    @property
+    def time(self) -> float:
+        """The moment of the newest state, s."""
+        return self._start + self._count * self._step
+
+    def advance(self, until: float, extend: bool = False) -> None:
+        """Make the whole steps up to ``until``; ``extend`` adds them to the last call's `trace`."""
+        target = int((until - self._start) / self._step + 1e-6)
+        steps = target - self._count
+        if not extend:
+            self._first = self._filled
+        if steps <= 0:
+            return
+        if self._filled + steps > self._capacity:
+            self._make_room(steps)
+        row = self._filled
+        while steps > 0:
+            n = min(steps, self._noise_ahead()) if self._gusty else steps
+            advance(self._state, self._constants, self._noise, self._history, row, n)
+            self._noise_left -= n
+            row += n
+            steps -= n
+        self._filled = row
+        self._count = target
+
+    def _noise_ahead(self) -> int:
+        if self._noise_left <= 0:
+            self._rng.standard_normal(out=self._noise)
+            self._noise_left = NOISE_ROWS
+            self._state[at.NOISE_ROW] = 0.0
+        return self._noise_left
+
+    def _make_room(self, steps: int) -> None:
+        oldest = max(min(self._filled - MEMORY, self._first), 0)
+        kept = self._history[oldest : self._filled].copy()
+        needed = len(kept) + steps
+        if needed > len(self._history):
+            self._history = np.zeros((needed + MEMORY, at.TRACE))
+            self._capacity = len(self._history)
+        self._history[: len(kept)] = kept
+        self._filled = len(kept)
+        self._first -= oldest
+
+    @property
+    def trace(self) -> Vector:
+        """(n, 17) the rows that the last `advance` made, valid until the next: see `layout.TRACE`."""
+        return self._history[self._first : self._filled]
+
+    def state_at(self, time: float) -> Vector:
+        """(17,) trace row at ``time``, interpolated; raises `ValueError` outside the last two seconds."""
+        place = self._filled - 1 + (time - self.time) / self._step
+        if not -1e-6 <= place < self._filled:
+            raise ValueError(f"no state is kept for t = {time} s; the newest is for {self.time} s")
+        place = min(max(place, 0.0), self._filled - 1.0)
+        i = int(place)
+        a, b = self._history[i], self._history[min(i + 1, self._filled - 1)]
+        row = a + (place - i) * (b - a)
+        row[4:8] /= np.linalg.norm(row[4:8])
+        return np.asarray(row)
+
+    def command(self, effective_time: float, rates_flu: Sequence[float] | Vector, thrust01: float) -> None:
+        """From ``effective_time`` on, hold the body rates (3,) rad/s, FLU, at ``thrust01`` 0..1; motors turn.
+
+        Commands that are still pending take effect in the order in which they were given.
+        """
+        cells = self._cells
+        tail = int(cells[at.QUEUE_TAIL])
+        if tail - cells[at.QUEUE_HEAD] >= at.QUEUE_ROWS:
+            raise RuntimeError(f"more than {at.QUEUE_ROWS} commands are pending")
+        row = at.QUEUE + (tail % at.QUEUE_ROWS) * at.QUEUE_COLUMNS
+        cells[row] = effective_time
+        cells[row + 1], cells[row + 2], cells[row + 3] = rates_flu
+        cells[row + 4] = min(max(thrust01, 0.0), 1.0)
+        cells[at.QUEUE_TAIL] = tail + 1.0
+
+    def drop_pending(self) -> None:
+        """Forget the commands that have not taken effect yet."""
+        self._cells[at.QUEUE_HEAD] = self._cells[at.QUEUE_TAIL]
+
+    def stop_motors(self) -> None:
+        """Let the rotors run out and forget pending commands."""
+        self.drop_pending()
+        S = self._state
+        S[at.MOTORS_ON] = 0.0
+        S[at.SIGNALS : at.SIGNALS + 4] = 0.0
+        S[at.RATES : at.THRUST + 1] = 0.0
+
+    @property
+    def position(self) -> Vector:
+        """(3,) m, world."""
+        return self._state[0:3].copy()
+
+    @property
+    def orientation(self) -> Vector:
+        """(4,) q_wb."""
+        return self._state[at.ORIENTATION : at.VELOCITY].copy()
+
+    @property
+    def velocity(self) -> Vector:
+        """(3,) m/s, world."""
+        return self._state[at.VELOCITY : at.OMEGA].copy()
+
+    @property
+    def angular_velocity(self) -> Vector:
+        """(3,) rad/s, body."""
+        return self._state[at.OMEGA : at.FORCE].copy()
+
+    @property
+    def specific_force(self) -> Vector:
+        """(3,) m/s², body."""
+        return self._state[at.FORCE : at.ROTORS].copy()
+
+    @property
+    def rotor_speeds(self) -> Vector:
+        """(4,) rad/s, in PX4's order."""
+        return self._state[at.ROTORS : at.ROTORS + 4].copy()
+
+    @property
+    def wind(self) -> Vector:
+        """(3,) m/s, world: mean and gust."""
+        return self.mean_wind + self._state[at.GUST : at.GUST + 3]
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether it touches the ground."""
+        return self._cells[at.CONTACT] != 0.0
+
+    @property
+    def voltage(self) -> float:
+        """V, of the battery under load."""
+        return self._cells[at.VOLTAGE]
+
+    @property
+    def charge(self) -> float:
+        """0..1, left in the battery."""
+        return self._cells[at.CHARGE]

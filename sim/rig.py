@@ -1,0 +1,127 @@
+"""The simulated drone, as the application sees it: the only edge at which simulation enters."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from typing import TypeVar
+
+import numpy as np
+
+from flightapp.config import Config
+from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
+from flightapp.messages import Frame, PoseSample
+from flightapp.perception.camera import CameraModel
+from flightapp.track import Track
+from sim.clock import RealtimeLoop, VirtualLoop
+from sim.corner_camera import CornerCamera
+from sim.render import Renderer
+from sim.scene import Scene
+from sim.survey import survey
+from sim.t265 import make_tracker
+from sim.world import World
+
+T = TypeVar("T")
+
+
+class SimCamera:
+    """A camera on the simulated vehicle, rendering images or finding corners itself."""
+
+    def __init__(self, config: Config, track: Track, seed: int, world: World) -> None:
+        self._config = config.camera
+        self._world = world
+        self._model = config.camera.model()
+        scene = Scene.from_track(track)
+        kind = Renderer if config.sim.camera == "rendered" else CornerCamera
+        self._camera = kind(scene, self._model, config.camera.exposure, seed)
+
+    @property
+    def model(self) -> CameraModel:
+        """The calibration; the simulated camera is calibrated perfectly."""
+        return self._model
+
+    async def frames(self) -> AsyncIterator[Frame]:
+        """Frames at the camera's rate, each delivered its latency after the middle of its exposure."""
+        loop = asyncio.get_running_loop()
+        origin = loop.time() + self._config.exposure
+        sequence = 0
+        while True:
+            stamp = origin + sequence / self._config.rate
+            await asyncio.sleep(max(stamp + max(self._config.latency, self._config.exposure) - loop.time(), 0.0))
+            self._world.advance()
+            yield self._expose(stamp, sequence)
+            sequence += 1
+
+    def _expose(self, stamp: float, sequence: int) -> Frame:
+        if isinstance(self._camera, CornerCamera):
+            return Frame(stamp, sequence, None, self._camera.detect(stamp, self._world.pose_at))
+        return Frame(stamp, sequence, self._camera.render(stamp, self._world.pose_at))
+
+
+class SimTracker:
+    """A tracker on the simulated vehicle; also publishes the truth, for the log, as often."""
+
+    def __init__(self, config: Config, seed: int, world: World) -> None:
+        self._world = world
+        self._tracker = make_tracker(config, seed)
+
+    async def poses(self) -> AsyncIterator[PoseSample]:
+        """Samples at the tracker's rate, in order, each when it would arrive."""
+        loop = asyncio.get_running_loop()
+        origin = loop.time()
+        count = 0
+        while True:
+            stamp = origin + count / self._tracker.rate
+            await asyncio.sleep(max(stamp - loop.time(), 0.0))
+            self._world.advance()
+            truth = self._world.state_at(stamp)
+            self._world.truth.motion.publish(truth)
+            measured = self._tracker.sample(truth)
+            if measured is not None:
+                sample, arrival = measured
+                await asyncio.sleep(max(arrival - loop.time(), 0.0))
+                yield sample
+            count += 1
+
+
+class ModelledWorker:
+    """Computes at once and lets the time pass that the configuration says it costs on the target."""
+
+    def __init__(self, config: Config) -> None:
+        self._costs = config.compute.model_dump()
+
+    async def run(self, name: str, function: Callable[[], T]) -> T:
+        """``function()``, available after the configured seconds for ``name``."""
+        result = function()
+        cost: float = self._costs[name]
+        if cost > 0.0:
+            await asyncio.sleep(cost)
+        return result
+
+
+class SimRig:
+    """A simulated drone in a simulated world, the same for the same ``seed``."""
+
+    def __init__(self, config: Config, track: Track, seed: int) -> None:
+        seeds = np.random.SeedSequence(seed)
+        world_seed, camera_seed, tracker_seed, survey_seed = seeds.spawn(4)
+        loop = asyncio.get_running_loop()
+        self._world = World(config, track, world_seed, loop.time)
+        self._survey_seed = survey_seed
+        self.autopilot: Autopilot = self._world.autopilot
+        self.camera: FrameSource = SimCamera(config, track, _number(camera_seed), self._world)
+        self.tracker: PoseSource = SimTracker(config, _number(tracker_seed), self._world)
+        self.worker: Worker = ModelledWorker(config)
+        self.truth: GroundTruthFeed | None = self._world.truth
+
+    @staticmethod
+    def loop_factory(realtime: bool) -> Callable[[], asyncio.AbstractEventLoop]:
+        """The event loop to fly in: on the wall clock, or as fast as it computes."""
+        return RealtimeLoop if realtime else VirtualLoop
+
+    def survey(self, track: Track) -> Track:
+        """``track`` as it is known before the flight."""
+        self._world.announce()
+        return survey(track, np.random.default_rng(self._survey_seed))
+
+
+def _number(seed: np.random.SeedSequence) -> int:
+    return int(seed.generate_state(1)[0])

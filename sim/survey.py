@@ -1,0 +1,29 @@
+"""What is known of a track before the flight: its gates, each off by as much as the track says."""
+
+import math
+
+import numpy as np
+
+from flightapp.track import Gate, Track
+
+
+def survey(track: Track, rng: np.random.Generator) -> Track:
+    """``track`` with each gate displaced by a draw from its uncertainty.
+
+    The position is drawn uniformly from the horizontal disc, the height and the yaw uniformly from their
+    intervals; a gate is kept above the ground.
+    """
+    u = track.uncertainty
+    gates = []
+    for gate in track.gates:
+        radius = u.horizontal * math.sqrt(rng.uniform())
+        angle = rng.uniform(-math.pi, math.pi)
+        x, y, z = gate.position
+        moved = (
+            x + radius * math.cos(angle),
+            y + radius * math.sin(angle),
+            max(z + rng.uniform(-1.0, 1.0) * u.vertical, 0.5 * track.gate.opening),
+        )
+        yaw = gate.yaw_deg + rng.uniform(-1.0, 1.0) * u.yaw_deg
+        gates.append(Gate(id=gate.id, position=moved, yaw_deg=yaw, markers=gate.markers))
+    return track.model_copy(update={"gates": tuple(gates)})

@@ -1,0 +1,76 @@
+"""The simulated world: one vehicle among gates, judged on its true motion."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flightapp.channel import Topic
+from flightapp.config import Config
+from flightapp.frames import Vector
+from flightapp.interfaces import GroundTruthFeed
+from flightapp.messages import Collision, GateEstimate, GatePassage, GroundTruth
+from flightapp.track import Track
+from sim.autopilot import SimAutopilot
+from sim.plant import Plant
+from sim.referee import Referee
+from sim.vehicles import load_vehicle
+
+PIECE = 0.004
+"""s of flight between two looks of the referee at most."""
+
+
+class World:
+    """Physics, autopilot and referee, advanced together to whatever time it has become."""
+
+    def __init__(self, config: Config, track: Track, seed: np.random.SeedSequence, time: Callable[[], float]) -> None:
+        vehicle = load_vehicle(config.sim.vehicle)
+        plant_seed, autopilot_seed = (int(child.generate_state(1)[0]) for child in seed.spawn(2))
+        self.plant = Plant(
+            vehicle,
+            plant_seed,
+            step=config.sim.step,
+            wind=config.sim.wind,
+            gust=config.sim.gust,
+            position=track.start.position,
+            yaw=track.start.yaw,
+        )
+        self.autopilot = SimAutopilot(config, self.plant, autopilot_seed, time)
+        self.referee = Referee(track, vehicle.radius, config.mission.laps)
+        self.truth = GroundTruthFeed(Topic("truth"), Topic("passage"), Topic("collision"), Topic("true_gates"))
+        self._time = time
+        self._gates = tuple(
+            GateEstimate(gate.id, np.array(gate.position), gate.yaw, np.zeros((4, 4)), 0, -np.inf)
+            for gate in track.gates
+        )
+
+    def announce(self) -> None:
+        """Publish where the gates really are, for the log."""
+        self.truth.gates.publish(self._gates)
+
+    def advance(self) -> None:
+        """Bring everything to the present."""
+        now = self._time()
+        while self.plant.time < now - 1e-9:
+            before = self.plant.time
+            self.autopilot.advance(min(before + PIECE, now))
+            if self.plant.time <= before:
+                return
+            for verdict in self.referee.observe(self.plant.trace):
+                self._announce(verdict)
+
+    def state_at(self, stamp: float) -> GroundTruth:
+        """The true motion at a recent ``stamp``."""
+        row = self.plant.state_at(stamp)
+        return GroundTruth(stamp, row[1:4], row[4:8], row[8:11], row[11:14])
+
+    def pose_at(self, stamp: float) -> tuple[Vector, Vector]:
+        """True position (3,) and orientation (4,) at a recent ``stamp``."""
+        row = self.plant.state_at(stamp)
+        return row[1:4], row[4:8]
+
+    def _announce(self, verdict: GatePassage | Collision) -> None:
+        if isinstance(verdict, GatePassage):
+            self.truth.passages.publish(verdict)
+        else:
+            self.truth.collisions.publish(verdict)
+            self.autopilot.crash()

@@ -1,0 +1,148 @@
+"""Whatever happens to a flight ends on the ground, or in the pilot's hands."""
+
+import asyncio
+import os
+import signal
+from types import SimpleNamespace
+
+from fakes import FakeAutopilot, make_context, stream_states, virtually
+
+from flightapp.behaviors.base import Coordinator
+from flightapp.messages import Event, Outcome, Phase
+from flightapp.mission.drone import Drone
+from flightapp.mission.supervisor import Supervisor
+
+
+def fly(mission, autopilot=None, work=None, taken_over=False, during=None):
+    """The ending of ``mission``, its context and its autopilot; ``during(context)`` runs beside it."""
+    autopilot = autopilot or FakeAutopilot()
+    context = make_context(autopilot)
+
+    async def main():
+        drone = Drone(context, Coordinator(context))
+        tasks = {"states": stream_states(context), **(work(context) if work else {})}
+        beside = asyncio.create_task(during(context)) if during else None
+        ending = await Supervisor(context, SimpleNamespace(taken_over=taken_over)).run(
+            tasks, autopilot, lambda: mission(drone)
+        )
+        if beside is not None:
+            beside.cancel()
+        return ending
+
+    return virtually(main()), context, autopilot
+
+
+async def up_and_down(drone):
+    await drone.takeoff()
+    await drone.hover(5.0)
+    await drone.land()
+
+
+def test_a_whole_mission():
+    ending, context, autopilot = fly(up_and_down)
+    assert ending.outcome is Outcome.GOAL_ACHIEVED
+    assert context.machine.phase is Phase.LANDED
+    assert autopilot.calls == ["connect", "arm", "takeoff", "start_offboard", "land"]
+
+
+def test_a_mission_that_forgets_to_land_is_landed():
+    async def mission(drone):
+        await drone.takeoff()
+
+    ending, context, autopilot = fly(mission)
+    assert ending.outcome is Outcome.GOAL_ACHIEVED
+    assert context.machine.phase is Phase.ABORTED
+    assert autopilot.calls[-1] == "land"
+    assert not autopilot.status.latest.armed
+
+
+def test_an_error_in_the_mission_lands_and_names_the_line():
+    async def mission(drone):
+        await drone.takeoff()
+        raise ValueError("typo")
+
+    ending, _, autopilot = fly(mission)
+    assert ending.outcome is Outcome.PROCESS_FAILURE
+    assert "test_supervisor.py" in ending.reason
+    assert "ValueError: typo" in ending.reason
+    assert not autopilot.status.latest.armed
+
+
+def test_a_behavior_that_fails_lands():
+    async def mission(drone):
+        await drone.takeoff()
+        await drone.follow([[1.0, 0.0, 1.5]])
+
+    ending, _, autopilot = fly(mission)
+    assert ending.outcome is Outcome.TIME_OUT
+    assert not autopilot.status.latest.armed
+
+
+def test_a_fault_in_flight_lands():
+    async def fault(context):
+        await asyncio.sleep(4.0)
+        context.bus.fault.publish(Event(context.now(), "fault", "state lost"))
+
+    ending, context, autopilot = fly(up_and_down, during=fault)
+    assert ending.outcome is Outcome.PROCESS_FAILURE
+    assert ending.reason == "state lost"
+    assert context.machine.phase is Phase.ABORTED
+    assert not autopilot.status.latest.armed
+
+
+def test_a_task_that_dies_lands():
+    def work(context):
+        async def mapping():
+            await asyncio.sleep(4.0)
+            raise RuntimeError("boom")
+
+        return {"mapping": mapping()}
+
+    ending, _, autopilot = fly(up_and_down, work=work)
+    assert ending.outcome is Outcome.PROCESS_FAILURE
+    assert "task mapping failed" in ending.reason
+    assert "RuntimeError: boom" in ending.reason
+    assert not autopilot.status.latest.armed
+
+
+def test_an_interrupt_lands():
+    async def interrupt(context):
+        await asyncio.sleep(4.0)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    ending, context, autopilot = fly(up_and_down, during=interrupt)
+    assert ending.outcome is Outcome.INTERRUPTED
+    assert context.machine.phase is Phase.ABORTED
+    assert not autopilot.status.latest.armed
+
+
+def test_after_a_pilot_took_over_nothing_is_asked_of_the_autopilot():
+    async def fault(context):
+        await asyncio.sleep(4.0)
+        context.bus.fault.publish(Event(context.now(), "fault", "pilot"))
+
+    _, _, autopilot = fly(up_and_down, taken_over=True, during=fault)
+    assert "land" not in autopilot.calls
+
+
+def test_a_link_that_is_never_found_ends_the_flight_on_the_ground():
+    ending, context, autopilot = fly(up_and_down, FakeAutopilot(refuse="connect"))
+    assert ending.outcome is Outcome.PROCESS_FAILURE
+    assert "connect refused" in ending.reason
+    assert autopilot.calls == ["connect"]
+    assert context.machine.phase is Phase.IDLE
+
+
+def test_an_autopilot_that_does_not_land_is_reported():
+    async def fault(context):
+        await asyncio.sleep(4.0)
+        context.bus.fault.publish(Event(context.now(), "fault", "state lost"))
+
+    events = []
+
+    def work(context):
+        context.bus.event.tap(events.append)
+        return {}
+
+    fly(up_and_down, FakeAutopilot(refuse="land"), work=work, during=fault)
+    assert any("landing not confirmed" in event.text for event in events)
