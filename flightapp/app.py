@@ -13,6 +13,7 @@ from flightapp import tasks
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.behaviors.base import Context, Coordinator
 from flightapp.bus import Bus
+from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
 from flightapp.interfaces import Rig
 from flightapp.mapping.slam import SlamMapper
@@ -55,6 +56,8 @@ class Flown:
     mission: str
     seed: int
     ending: Ending
+    duration: float
+    """s, of the whole flight by its own clock."""
     out: Path
 
 
@@ -77,7 +80,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         "config": dump_config(config),
     }
 
-    async def main() -> Ending:
+    async def main() -> tuple[Ending, float]:
         rig: Rig = rig_class(config, mission.track, plan.seed)
         log = FlightLog(plan.out / "flight.mcap", header=header, opening=mission.track.gate.opening)
         recorder = Recorder(log, threaded=plan.realtime)
@@ -87,11 +90,11 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
                 ending = await _fly(mission, config, rig, recorder, app_log, watch)
             finally:
                 recorder.close(outcome=ending.outcome, reason=ending.reason)
-        return ending
+        return ending, asyncio.get_running_loop().time()
 
     with asyncio.Runner(loop_factory=rig_class.loop_factory(plan.realtime)) as runner:
-        ending = runner.run(main())
-    return Flown(mission.name, plan.seed, ending, plan.out)
+        ending, duration = runner.run(main())
+    return Flown(mission.name, plan.seed, ending, duration, plan.out)
 
 
 async def _fly(
@@ -140,7 +143,7 @@ def choose_modules(config: Config, track: Track, rig: Rig) -> tasks.Modules:
 
 
 def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:
-    for topic in (
+    topics: list[Topic[Any]] = [
         bus.sightings,
         bus.pose,
         bus.state,
@@ -151,10 +154,10 @@ def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:
         bus.command,
         bus.event,
         rig.autopilot.status,
-    ):
+    ]
+    if rig.truth is not None:
+        topics += [rig.truth.motion, rig.truth.passages, rig.truth.collisions, rig.truth.gates]
+    for topic in topics:
         recorder.tap(topic)
     if config.recording.images:
         recorder.tap(bus.frame, every=config.recording.image_every)
-    if rig.truth is not None:
-        for topic in (rig.truth.motion, rig.truth.passages, rig.truth.collisions, rig.truth.gates):
-            recorder.tap(topic)

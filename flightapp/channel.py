@@ -6,7 +6,7 @@ from typing import Generic, TypeVar, cast
 
 T = TypeVar("T")
 
-Tap = Callable[[T], None]
+Tap = Callable[[T], object]
 
 
 class Topic(Generic[T]):

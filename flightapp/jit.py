@@ -5,6 +5,8 @@ from typing import ParamSpec, TypeVar, cast
 
 import numba
 
+numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"flightapp.jitcache.{name}" for name in ("Named", "InTree", "UserWide"))
+
 P = ParamSpec("P")
 R = TypeVar("R")
 

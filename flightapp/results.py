@@ -8,6 +8,7 @@ from typing import Any
 
 import cv2
 import joblib
+from rich.table import Table
 
 from flightapp import app
 from flightapp.evaluation.report import write_report
@@ -72,6 +73,19 @@ def sweep(plan: app.FlightPlan, runs: int, workers: int, advance: Callable[[bool
         summaries.append(summary)
         advance(not why_failed(summary))
     return sweep_summary(summaries)
+
+
+def sweep_table(summary: dict[str, Any]) -> Table:
+    """The success rate of a sweep, and what failed."""
+    low, high = summary["ci95"]
+    table = Table("runs", "successes", "rate", "95 % interval", "elapsed p50", "elapsed p95")
+    times = [f"{value:.2f} s" if value is not None else "-" for value in summary["elapsed"].values()]
+    rate = f"{100.0 * summary['rate']:.1f} %"
+    interval = f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
+    table.add_row(str(summary["runs"]), str(summary["successes"]), rate, interval, *times)
+    for failed in summary["failures"]:
+        table.add_row(f"seed {failed['seed']}", failed["why"])
+    return table
 
 
 def looks_like_track(file: Path) -> bool:

@@ -93,7 +93,7 @@ async def mapping(rig: Rig, bus: Bus, mapper: Mapper) -> None:
     while True:
         seen = await sightings.newest()
         pose = history.at(seen.stamp)
-        if pose is not None and seen.gates:
+        if pose is not None:
             bus.gate_map.publish(await rig.worker.run("mapping", partial(mapper.update, seen.gates, pose)))
 
 
@@ -136,7 +136,8 @@ def _plan(planner: Planner, goal: Goal, request: PlanRequest) -> Trajectory:
 async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Ticker) -> None:
     """Line and state → body rates and thrust, through the guard, to the autopilot."""
     while True:
-        stamp = await ticker.tick()
+        await ticker.tick()
+        stamp = now()
         trajectory, state = line.at(stamp), bus.state.latest
         if trajectory is None or state is None:
             modules.controller.reset()

@@ -34,7 +34,11 @@ OUTLIERS_UNTIL = 2.2
 OUTLIER, OUTLIER_BLURRED = 0.75, 0.04
 """px, and 1 per px of blur: the standard deviation of those."""
 BOW = 2.0 / 3.0
-"""A straight line fitted to a side that the lens bends lies this part of the sagitta off the corners' chord."""
+"""A straight line fitted to a side that the lens bends lies this part of the sagitta off the corners' chord.
+
+So the mean of a parabola has it. For markers of 35 to 50 px in the fisheye's images, the detector's corners lie
+0.34 px RMS off the true corners, but 0.07 px off these.
+"""
 BORDER = 2.0
 """px, a marker nearer to the image's border is not found."""
 QUIET = 1.15
@@ -128,10 +132,10 @@ def _in_view(points: Vector, pixels: Vector, quads: Quads, own: int, eye: Vector
         u, v = pixels[i, 0], pixels[i, 1]
         if not (BORDER <= u <= width - 1 - BORDER and BORDER <= v <= height - 1 - BORDER):
             return False
+    hidden = False
     for i in range(points.shape[0]):
-        if _hidden(quads, own, eye, points[i, 0], points[i, 1], points[i, 2]):
-            return False
-    return True
+        hidden = hidden or _hidden(quads, own, eye, points[i, 0], points[i, 1], points[i, 2])
+    return not hidden
 
 
 @kernel
@@ -172,7 +176,7 @@ def _observe(
         if not inside:
             continue
         ratio, blur = _ratio_and_blur(pixels[0, m], pixels[1, m], pixels[2, m])
-        if not chance[m, 4] * (1.0 + ratio**-STEEPNESS) < 1.0:
+        if chance[m, 4] * (1.0 + max(ratio, 1e-3) ** -STEEPNESS) >= 1.0:
             continue
         if not _in_view(margins[m], pixels[1, m], quads, q, eye, width, height):
             continue

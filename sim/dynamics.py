@@ -40,15 +40,15 @@ def _turn(q0: float, q1: float, q2: float, q3: float, v: Triple) -> Triple:
 
 
 @kernel
-def _foot(x: Vector, P: Vector, i: int) -> tuple[Triple, Triple]:
+def _foot(S: Vector, x: int, P: Vector, i: int) -> tuple[Triple, Triple]:
     """Force and torque (body) of the ground on foot ``i``, a spring-damper with Coulomb friction."""
-    q0, q1, q2, q3 = x[3], x[4], x[5], x[6]
+    q0, q1, q2, q3 = S[x + 3], S[x + 4], S[x + 5], S[x + 6]
     ax, ay = -PITCH_SIGNS[i] * P[at.P_ROTOR_X], ROLL_SIGNS[i] * P[at.P_ROTOR_Y]
-    depth = -(x[2] + _turn(q0, q1, q2, q3, (ax, ay, 0.0))[2])
+    depth = -(S[x + 2] + _turn(q0, q1, q2, q3, (ax, ay, 0.0))[2])
     if depth <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    spin = _turn(q0, q1, q2, q3, (-x[12] * ay, x[12] * ax, x[10] * ay - x[11] * ax))
-    vx, vy, vz = x[7] + spin[0], x[8] + spin[1], x[9] + spin[2]
+    spin = _turn(q0, q1, q2, q3, (-S[x + 12] * ay, S[x + 12] * ax, S[x + 10] * ay - S[x + 11] * ax))
+    vx, vy, vz = S[x + 7] + spin[0], S[x + 8] + spin[1], S[x + 9] + spin[2]
     normal = max(0.0, P[at.P_STIFFNESS] * depth - P[at.P_CONTACT_DAMPING] * vz)
     grip = FRICTION * normal / max(math.sqrt(vx * vx + vy * vy), CREEP)
     fx, fy, fz = _turn(q0, -q1, -q2, -q3, (-grip * vx, -grip * vy, normal))
@@ -56,52 +56,52 @@ def _foot(x: Vector, P: Vector, i: int) -> tuple[Triple, Triple]:
 
 
 @kernel
-def _ground(x: Vector, P: Vector) -> tuple[Triple, Triple]:
+def _ground(S: Vector, x: int, P: Vector) -> tuple[Triple, Triple]:
     """Force and torque (body) of the ground on the four feet."""
     fx = fy = fz = tx = ty = tz = 0.0
     for i in range(4):
-        force, torque = _foot(x, P, i)
+        force, torque = _foot(S, x, P, i)
         fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
         tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
     return (fx, fy, fz), (tx, ty, tz)
 
 
 @kernel
-def derivative(x: Vector, wrench: Quadruple, wind: Triple, P: Vector, dx: Vector) -> None:
-    """Rates of the rigid body's state ``x`` (13,) into ``dx`` (16,), whose last three are the specific force.
+def derivative(S: Vector, x: int, dx: int, wrench: Quadruple, wind: Triple, P: Vector) -> None:
+    """Rates of the rigid body's state at ``S[x : x + 13]`` into ``S[dx : dx + 16]``, specific force last.
 
     ``wrench`` is the rotors' thrust along body z in N and their torque in N m; ``wind`` in m/s, world.
     """
-    q0, q1, q2, q3, p, q, r = x[3], x[4], x[5], x[6], x[10], x[11], x[12]
+    q0, q1, q2, q3, p, q, r = S[x + 3], S[x + 4], S[x + 5], S[x + 6], S[x + 10], S[x + 11], S[x + 12]
     r00, r01, r02 = 1.0 - 2.0 * (q2 * q2 + q3 * q3), 2.0 * (q1 * q2 - q0 * q3), 2.0 * (q1 * q3 + q0 * q2)
     r10, r11, r12 = 2.0 * (q1 * q2 + q0 * q3), 1.0 - 2.0 * (q1 * q1 + q3 * q3), 2.0 * (q2 * q3 - q0 * q1)
     r20, r21, r22 = 2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1), 1.0 - 2.0 * (q1 * q1 + q2 * q2)
-    vx, vy, vz = x[7] - wind[0], x[8] - wind[1], x[9] - wind[2]
+    vx, vy, vz = S[x + 7] - wind[0], S[x + 8] - wind[1], S[x + 9] - wind[2]
     ax, ay, az = r00 * vx + r10 * vy + r20 * vz, r01 * vx + r11 * vy + r21 * vz, r02 * vx + r12 * vy + r22 * vz
     drag = P[at.P_QUADRATIC_DRAG] * math.sqrt(ax * ax + ay * ay + az * az)
     fx, fy = -(P[at.P_LINEAR_DRAG] + drag) * ax, -(P[at.P_LINEAR_DRAG + 1] + drag) * ay
     fz = wrench[0] - (P[at.P_LINEAR_DRAG + 2] + drag) * az
     c = P[at.P_DAMPING]
     tx, ty, tz = wrench[1] - c * p, wrench[2] - c * q, wrench[3] - c * r
-    if x[2] < P[at.P_ROTOR_X] + P[at.P_ROTOR_Y]:
-        push, twist = _ground(x, P)
+    if S[x + 2] < P[at.P_ROTOR_X] + P[at.P_ROTOR_Y]:
+        push, twist = _ground(S, x, P)
         fx, fy, fz = fx + push[0], fy + push[1], fz + push[2]
         tx, ty, tz = tx + twist[0], ty + twist[1], tz + twist[2]
     m = P[at.P_MASS_INVERSE]
     fx, fy, fz = m * fx, m * fy, m * fz
     Ix, Iy, Iz = P[at.P_INERTIA], P[at.P_INERTIA + 1], P[at.P_INERTIA + 2]
-    dx[0], dx[1], dx[2] = x[7], x[8], x[9]
-    dx[3] = -0.5 * (q1 * p + q2 * q + q3 * r)
-    dx[4] = 0.5 * (q0 * p + q2 * r - q3 * q)
-    dx[5] = 0.5 * (q0 * q - q1 * r + q3 * p)
-    dx[6] = 0.5 * (q0 * r + q1 * q - q2 * p)
-    dx[7] = r00 * fx + r01 * fy + r02 * fz
-    dx[8] = r10 * fx + r11 * fy + r12 * fz
-    dx[9] = r20 * fx + r21 * fy + r22 * fz - GRAVITY
-    dx[10] = (tx - (Iz - Iy) * q * r) * P[at.P_INERTIA_INVERSE]
-    dx[11] = (ty - (Ix - Iz) * r * p) * P[at.P_INERTIA_INVERSE + 1]
-    dx[12] = (tz - (Iy - Ix) * p * q) * P[at.P_INERTIA_INVERSE + 2]
-    dx[13], dx[14], dx[15] = fx, fy, fz
+    S[dx], S[dx + 1], S[dx + 2] = S[x + 7], S[x + 8], S[x + 9]
+    S[dx + 3] = -0.5 * (q1 * p + q2 * q + q3 * r)
+    S[dx + 4] = 0.5 * (q0 * p + q2 * r - q3 * q)
+    S[dx + 5] = 0.5 * (q0 * q - q1 * r + q3 * p)
+    S[dx + 6] = 0.5 * (q0 * r + q1 * q - q2 * p)
+    S[dx + 7] = r00 * fx + r01 * fy + r02 * fz
+    S[dx + 8] = r10 * fx + r11 * fy + r12 * fz
+    S[dx + 9] = r20 * fx + r21 * fy + r22 * fz - GRAVITY
+    S[dx + 10] = (tx - (Iz - Iy) * q * r) * P[at.P_INERTIA_INVERSE]
+    S[dx + 11] = (ty - (Ix - Iz) * r * p) * P[at.P_INERTIA_INVERSE + 1]
+    S[dx + 12] = (tz - (Iy - Ix) * p * q) * P[at.P_INERTIA_INVERSE + 2]
+    S[dx + 13], S[dx + 14], S[dx + 15] = fx, fy, fz
 
 
 @kernel
@@ -160,32 +160,33 @@ def _take_commands(S: Vector, time: float) -> None:
 
 
 @kernel
-def _integrate(S: Vector, P: Vector, wind: Triple, x: Vector, k1: Vector, k2: Vector, k3: Vector, k4: Vector) -> None:
+def _integrate(S: Vector, P: Vector, wind: Triple) -> None:
     """One Runge-Kutta step of the rigid body; the rotors turn on by half a step twice meanwhile.
 
-    ``x`` and the slopes ``k1`` to ``k4`` are scratch, (16,) each.
+    The slopes and the states between stand in ``S`` itself: views of small arrays would cost more than the sums.
     """
     h = P[at.P_STEP]
-    derivative(S, rotor_wrench(S, P), wind, P, k1)
+    x, k1, k2, k3, k4 = at.TRIAL, at.SLOPES, at.SLOPES + 16, at.SLOPES + 32, at.SLOPES + 48
+    derivative(S, 0, k1, rotor_wrench(S, P), wind, P)
     _turn_rotors(S, P)
     wrench = rotor_wrench(S, P)
     for i in range(13):
-        x[i] = S[i] + 0.5 * h * k1[i]
-    derivative(x, wrench, wind, P, k2)
+        S[x + i] = S[i] + 0.5 * h * S[k1 + i]
+    derivative(S, x, k2, wrench, wind, P)
     for i in range(13):
-        x[i] = S[i] + 0.5 * h * k2[i]
-    derivative(x, wrench, wind, P, k3)
+        S[x + i] = S[i] + 0.5 * h * S[k2 + i]
+    derivative(S, x, k3, wrench, wind, P)
     _turn_rotors(S, P)
     for i in range(13):
-        x[i] = S[i] + h * k3[i]
-    derivative(x, rotor_wrench(S, P), wind, P, k4)
+        S[x + i] = S[i] + h * S[k3 + i]
+    derivative(S, x, k4, rotor_wrench(S, P), wind, P)
     for i in range(13):
-        S[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+        S[i] += h / 6.0 * (S[k1 + i] + 2.0 * (S[k2 + i] + S[k3 + i]) + S[k4 + i])
     scale = 1.0 / math.sqrt(S[3] * S[3] + S[4] * S[4] + S[5] * S[5] + S[6] * S[6])
     for i in range(3, 7):
         S[i] *= scale
     for i in range(at.FORCE, at.ROTORS):
-        S[i] = k4[i]
+        S[i] = S[k4 + i]
 
 
 @kernel
@@ -210,9 +211,6 @@ def advance(S: Vector, P: Vector, noise: Vector, trace: Vector, row: int, steps:
     ``S[NOISE_ROW]`` on where there are gusts; ``trace`` (k, 17) takes the state after each step from ``row`` on.
     """
     h = P[at.P_STEP]
-    # Cut once for all steps: a view costs as much as many sums.
-    x, k = S[at.TRIAL : at.TRIAL + 16], at.SLOPES
-    k1, k2, k3, k4 = S[k : k + 16], S[k + 16 : k + 32], S[k + 32 : k + 48], S[k + 48 : k + 64]
     for i in range(steps):
         _take_commands(S, P[at.P_START] + S[at.STEPS] * h + 1e-9)
         S[at.PHASE] += h
@@ -220,7 +218,7 @@ def advance(S: Vector, P: Vector, noise: Vector, trace: Vector, row: int, steps:
             S[at.PHASE] -= P[at.P_LOOP_PERIOD]
             rate_loop(S, P)
             _drain_battery(S, P)
-        _integrate(S, P, _blow(S, P, noise), x, k1, k2, k3, k4)
+        _integrate(S, P, _blow(S, P, noise))
         S[at.CONTACT] = 1.0 if S[2] <= 0.0 else 0.0
         S[at.STEPS] += 1.0
         trace[row + i, 0] = P[at.P_START] + S[at.STEPS] * h

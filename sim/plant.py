@@ -37,7 +37,7 @@ class Plant:
         self._rng = np.random.default_rng([seed, 0x9A1])
         bearing = self._rng.uniform(0.0, 2.0 * np.pi)
         self.mean_wind = wind * np.array([np.cos(bearing), np.sin(bearing), 0.0])
-        self._start, self._step, self._count = start, step, 0
+        self._start, self._step, self._rate, self._count = start, step, 1.0 / step, 0
         self._constants = vehicle.constants(step, start, self.mean_wind, gust)
         self._state = self._initial_state(position, yaw)
         # Single numbers are read and written much faster through a memoryview.
@@ -72,7 +72,7 @@ class Plant:
 
     def advance(self, until: float, extend: bool = False) -> None:
         """Make the whole steps up to ``until``; ``extend`` adds them to the last call's `trace`."""
-        target = int((until - self._start) / self._step + 1e-6)
+        target = int((until - self._start) * self._rate + 1e-6)
         steps = target - self._count
         if not extend:
             self._first = self._filled
@@ -80,15 +80,21 @@ class Plant:
             return
         if self._filled + steps > self._capacity:
             self._make_room(steps)
+        if self._gusty:
+            self._advance_in_gusts(steps)
+        else:
+            advance(self._state, self._constants, self._noise, self._history, self._filled, steps)
+        self._filled += steps
+        self._count = target
+
+    def _advance_in_gusts(self, steps: int) -> None:
         row = self._filled
         while steps > 0:
-            n = min(steps, self._noise_ahead()) if self._gusty else steps
+            n = min(steps, self._noise_ahead())
             advance(self._state, self._constants, self._noise, self._history, row, n)
             self._noise_left -= n
             row += n
             steps -= n
-        self._filled = row
-        self._count = target
 
     def _noise_ahead(self) -> int:
         if self._noise_left <= 0:
@@ -137,7 +143,7 @@ class Plant:
         row = at.QUEUE + (tail % at.QUEUE_ROWS) * at.QUEUE_COLUMNS
         cells[row] = effective_time
         cells[row + 1], cells[row + 2], cells[row + 3] = rates_flu
-        cells[row + 4] = min(max(thrust01, 0.0), 1.0)
+        cells[row + 4] = 0.0 if thrust01 < 0.0 else 1.0 if thrust01 > 1.0 else thrust01
         cells[at.QUEUE_TAIL] = tail + 1.0
 
     def drop_pending(self) -> None:

@@ -146,18 +146,16 @@ def ray_grid(camera: CameraModel, width: int, height: int) -> Image:
 def _tile_cones(rays: Image) -> Vector:
     """(rows, columns, 5) axis, cosine and sine of the half-angle of the cone around each tile's rays."""
     h, w = rays.shape[:2]
-    cones = np.zeros((-(-h // TILE), -(-w // TILE), 5))
-    for row in range(cones.shape[0]):
-        for column in range(cones.shape[1]):
-            tile = rays[row * TILE : (row + 1) * TILE, column * TILE : (column + 1) * TILE].reshape(-1, 3)
-            tile = tile[tile.any(axis=1)].astype(float)
-            if len(tile) == 0:
-                continue
-            axis = tile.mean(axis=0)
-            axis /= np.linalg.norm(axis)
-            half_angle = math.acos(min(float((tile @ axis).min()), 1.0)) + CONE_MARGIN
-            cones[row, column] = *axis, math.cos(half_angle), math.sin(half_angle)
-    return cones
+    rows, columns = -(-h // TILE), -(-w // TILE)
+    padded = np.zeros((rows * TILE, columns * TILE, 3))
+    padded[:h, :w] = rays
+    tiles = padded.reshape(rows, TILE, columns, TILE, 3).swapaxes(1, 2).reshape(rows, columns, -1, 3)
+    axis = tiles.sum(axis=2)
+    axis /= np.maximum(np.linalg.norm(axis, axis=2, keepdims=True), 1e-9)
+    along = np.einsum("rcpi,rci->rcp", tiles, axis)
+    along[~tiles.any(axis=3)] = 1.0
+    half_angle = np.arccos(np.clip(along.min(axis=2), -1.0, 1.0)) + CONE_MARGIN
+    return np.concatenate([axis, np.cos(half_angle)[..., None], np.sin(half_angle)[..., None]], axis=2)
 
 
 def _vignetting(rays: Image) -> Image:

@@ -78,7 +78,7 @@ def refine_pose(
     Non-Linear Least Squares Problems", 2004).
     """
     R, p = R_start.copy(), p_start.copy()
-    H, H_new, b, b_new = np.empty((6, 6)), np.empty((6, 6)), np.empty(6), np.empty(6)
+    H, H_new, b, b_new, step = np.empty((6, 6)), np.empty((6, 6)), np.empty(6), np.empty(6), np.empty(6)
     squares = _linearise(R, p, points, rays, weights, H, b)
     damping = 1e-4
     for _ in range(ITERATIONS):
@@ -87,7 +87,7 @@ def refine_pose(
         damped = H.copy()
         for m in range(6):
             damped[m, m] += damping * H[m, m] + 1e-12
-        step: Vector = np.linalg.solve(damped, b)
+        step[:] = np.linalg.solve(damped, b)
         p_new = p + step[:3]
         R_new = R @ quat_to_matrix(quat_from_rotvec(step[3:]))
         squares_new = _linearise(R_new, p_new, points, rays, weights, H_new, b_new)

@@ -1,7 +1,7 @@
 """Descent on times and free points together: L-BFGS with a backtracking line search.
 
 After J. Nocedal and S. Wright, "Numerical Optimization" (2006), algorithms 7.4, 7.5 and 3.1. Durations are
-varied by their logarithm, which keeps them positive, and points in units of the mean leg.
+varied by their logarithm, which keeps them positive, and points in units of the legs that meet there.
 """
 
 import math
@@ -18,28 +18,36 @@ STRIDE = 0.5
 """Greatest change of a variable in one step."""
 SUFFICIENT = 1e-4
 """Share of the predicted descent that a step must achieve (Armijo)."""
-TOLERANCE = 1e-5
+TOLERANCE = 1e-4
 """Relative descent of one step below which the search is given up, after three such steps."""
+SHORT = 0.05
+"""m, least unit of a point."""
 TRIES = 12
 """Step lengths tried in one direction."""
 
-Problem = tuple[float, Vector, Vector, Vector, Vector, Vector, int, float, Vector]
-"""Unit of length, times, points, free, normals, limits, order, weight, derivatives: see `descend`."""
+Problem = tuple[Vector, Vector, Vector, Vector, Vector, Vector, int, float, Vector]
+"""Units of length, times, points, free, normals, limits, order, weight, derivatives: see `descend`."""
 
 
 @kernel
-def _mean_leg(points: Vector) -> float:
-    total = 0.0
-    for k in range(points.shape[0] - 1):
+def _units(points: Vector) -> Vector:
+    """(n + 1,) m, the mean of the legs that meet at each point: short ones bend at smaller moves."""
+    n = points.shape[0] - 1
+    units = np.zeros(n + 1)
+    for k in range(n):
         square = 0.0
         for axis in range(3):
             square += (points[k + 1, axis] - points[k, axis]) ** 2
-        total += math.sqrt(square)
-    return float(max(total / (points.shape[0] - 1), 0.1))
+        half = 0.5 * math.sqrt(square)
+        units[k] += half
+        units[k + 1] += half
+    for k in range(n + 1):
+        units[k] = max(units[k], SHORT)
+    return units
 
 
 @kernel
-def _pack(unit: float, times: Vector, points: Vector, free: Vector) -> Vector:
+def _pack(units: Vector, times: Vector, points: Vector, free: Vector) -> Vector:
     """Variables (n + 3 per free point,): logarithms of times, then free points in units."""
     n = times.size
     size = n
@@ -52,7 +60,7 @@ def _pack(unit: float, times: Vector, points: Vector, free: Vector) -> Vector:
     for k in range(n + 1):
         if free[k] > 0.0:
             for axis in range(3):
-                x[place + axis] = points[k, axis] / unit
+                x[place + axis] = points[k, axis] / units[k]
             place += 3
     return x
 
@@ -60,7 +68,7 @@ def _pack(unit: float, times: Vector, points: Vector, free: Vector) -> Vector:
 @kernel
 def _cost_at(x: Vector, problem: Problem, gradient: Vector) -> float:
     """`cost` at the packed variables; writes the problem's times, points, derivatives, and ``gradient``."""
-    unit, times, points, free, normals, limits, order, weight, derivatives = problem
+    units, times, points, free, normals, limits, order, weight, derivatives = problem
     n = times.size
     for i in range(n):
         times[i] = math.exp(x[i])
@@ -68,7 +76,7 @@ def _cost_at(x: Vector, problem: Problem, gradient: Vector) -> float:
     for k in range(n + 1):
         if free[k] > 0.0:
             for axis in range(3):
-                points[k, axis] = unit * x[place + axis]
+                points[k, axis] = units[k] * x[place + axis]
             place += 3
     by_time, by_point = np.empty(n), np.empty((n + 1, 3))
     value = cost(times, points, normals, limits, order, weight, derivatives, by_time, by_point)
@@ -78,7 +86,7 @@ def _cost_at(x: Vector, problem: Problem, gradient: Vector) -> float:
     for k in range(n + 1):
         if free[k] > 0.0:
             for axis in range(3):
-                gradient[place + axis] = unit * by_point[k, axis]
+                gradient[place + axis] = units[k] * by_point[k, axis]
             place += 3
     return value
 
@@ -131,9 +139,8 @@ def _search(
         reached = _cost_at(tried, problem, gradient)
         if reached <= value + SUFFICIENT * step * slope:
             return reached
-        fitted = 0.1 * step
-        if reached < math.inf:
-            fitted = -0.5 * slope * step * step / (reached - value - slope * step)
+        bend = reached - value - slope * step
+        fitted = -0.5 * slope * step * step / bend if 0.0 < bend < math.inf else 0.0
         step = min(max(fitted, 0.1 * step), 0.5 * step)
     return math.inf
 
@@ -155,16 +162,16 @@ def descend(
     ``derivatives`` (3 (n + 1), 3) are those of the smoothest spline on return; the other arguments are those
     of `cost`. Returns the cost, infinite where it could not be computed.
     """
-    unit = _mean_leg(points)
-    x = _pack(unit, times, points, free)
-    problem = (unit, times, points, free, normals, limits, order, weight, derivatives)
+    units = _units(points)
+    x = _pack(units, times, points, free)
+    problem = (units, times, points, free, normals, limits, order, weight, derivatives)
     gradient, tried_gradient = np.empty(x.size), np.empty(x.size)
     direction, tried = np.empty(x.size), np.empty(x.size)
     steps, changes = np.empty((MEMORY, x.size)), np.empty((MEMORY, x.size))
     value = _cost_at(x, problem, gradient)
     count, idle = 0, 0
     for _ in range(iterations):
-        if not value < math.inf or idle == 4:
+        if not value < math.inf or idle == 3:
             break
         _direction(gradient, steps, changes, count, direction)
         slope = _dot(gradient, direction)
@@ -177,13 +184,17 @@ def descend(
             count = 0
             continue
         idle = idle + 1 if value - reached < TOLERANCE * abs(value) else 0
-        slot = count % MEMORY
+        curvature, change = 0.0, 0.0
         for i in range(x.size):
-            steps[slot, i] = tried[i] - x[i]
-            changes[slot, i] = tried_gradient[i] - gradient[i]
+            curvature += (tried[i] - x[i]) * (tried_gradient[i] - gradient[i])
+            change += (tried_gradient[i] - gradient[i]) ** 2
+        # A pair without positive curvature must not replace the oldest one that is still in use.
+        keep = curvature > 1e-12 * change
+        for i in range(x.size):
+            if keep:
+                steps[count % MEMORY, i] = tried[i] - x[i]
+                changes[count % MEMORY, i] = tried_gradient[i] - gradient[i]
             x[i], gradient[i] = tried[i], tried_gradient[i]
         value = reached
-        curvature = _dot(steps[slot], changes[slot])
-        if curvature > 1e-12 * _dot(changes[slot], changes[slot]):
-            count += 1
+        count += 1 if keep else 0
     return _cost_at(x, problem, gradient)

@@ -7,9 +7,10 @@ would be compiled again at every level.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.jit import kernel
@@ -37,6 +38,8 @@ PATIENCE, GRACE = 3.0, 2.0
 """A plan is late if it takes longer than the first guess by this factor and this many s."""
 ASKEW = 0.07
 """Shortfall of the cosine of a crossing angle that is put up with (25° may become 33°)."""
+BRIEF = 0.4
+"""Of the median duration of the legs; a leg that takes less is not divided."""
 SHORT = 1e-2
 """m, a leg is counted as at least this long when its time is guessed."""
 
@@ -55,10 +58,12 @@ class Spline:
     """(n + 1, 3) directions of passage, zero where there is no gate."""
     derivatives: Vector
     """(3 (n + 1), 3) v, a and j of each knot."""
+    anchors: NDArray[np.intp]
+    """(m + 1,) which of the points are waypoints."""
 
     def copy(self) -> "Spline":
         """One that can be changed without changing this one."""
-        return Spline(self.times.copy(), self.points.copy(), self.free, self.normals, self.derivatives.copy())
+        return replace(self, times=self.times.copy(), points=self.points.copy(), derivatives=self.derivatives.copy())
 
 
 @kernel
@@ -102,29 +107,39 @@ def stretch(spline: Spline, factor: float) -> None:
 
 
 def first_times(points: Vector, start: Vector, limits: Vector) -> Vector:
-    """(n,) s, a guess for each leg from its length, the limits and the turn from the start's velocity."""
+    """(n,) s, a guess for each leg from its length, the limits and the start's velocity."""
     v_max, a_max = limits[SPEED], limits[ACCELERATION]
     legs = np.diff(points, axis=0)
     lengths = np.maximum(np.sqrt((legs * legs).sum(axis=1)), SHORT)
     times: Vector = np.maximum(lengths / v_max, np.sqrt(2.0 * lengths / a_max))
-    wanted = min(v_max, math.sqrt(2.0 * lengths[0] * a_max)) * legs[0] / lengths[0]
     if start.any():
-        times[0] += 0.5 * np.linalg.norm(start[0] - wanted) / a_max
+        ahead = legs[0] / lengths[0]
+        closing = max(float(start[0] @ ahead), 0.0)
+        reached = min(v_max, math.sqrt(closing**2 + 2.0 * a_max * lengths[0]))
+        aside = float(np.linalg.norm(start[0] - closing * ahead))
+        times[0] = 2.0 * lengths[0] / (closing + reached) + 0.5 * aside / a_max
     return times
 
 
 def divide(spline: Spline, parts: int) -> Spline:
-    """The same line with each leg in ``parts`` of equal duration, whose new ends are free."""
-    n = spline.times.size
+    """The same line with its legs in ``parts`` of equal duration, whose new ends are free.
+
+    A leg that is brief beside the others stays whole: knots close together make the descent stall.
+    """
+    whole = spline.times < BRIEF * np.median(spline.times)
+    counts = np.where(whole, 1, parts)
+    anchors = np.concatenate(([0], np.cumsum(counts)))
+    leg = np.repeat(np.arange(counts.size), counts)
+    part = np.arange(leg.size) - anchors[leg]
+    times = spline.times[leg] / counts[leg]
     coefficients = polynomial_coefficients(spline.times, spline.points, spline.derivatives)
-    points, normals, free = np.empty((n * parts + 1, 3)), np.zeros((n * parts + 1, 3)), np.ones(n * parts + 1)
-    points[::parts], normals[::parts], free[::parts] = spline.points, spline.normals, 0.0
-    for part in range(1, parts):
-        powers = (part / parts * spline.times[:, None]) ** np.arange(8)
-        points[part::parts] = np.einsum("iam,im->ia", coefficients, powers)
-    derivatives = np.zeros((3 * (n * parts + 1), 3))
+    powers = (part * times)[:, None] ** np.arange(8)
+    points = np.vstack((np.einsum("iam,im->ia", coefficients[leg], powers), spline.points[-1:]))
+    free, normals = np.ones(leg.size + 1), np.zeros((leg.size + 1, 3))
+    points[anchors], normals[anchors], free[anchors] = spline.points, spline.normals, 0.0
+    derivatives = np.zeros((3 * (leg.size + 1), 3))
     derivatives[:3] = spline.derivatives[:3]
-    return Spline(np.repeat(spline.times / parts, parts), points, free, normals, derivatives)
+    return Spline(times, points, free, normals, derivatives, anchors)
 
 
 def optimise(waypoints: Vector, directions: Vector, start: Vector, limits: Vector, order: int, knots: int) -> Spline:
@@ -155,7 +170,7 @@ def _attempt(
 ) -> Spline:
     """One descent from the ``times`` (m,) guessed for the legs."""
     free, derivatives = np.zeros(len(waypoints)), np.zeros((3 * len(waypoints), 3))
-    spline = Spline(times, waypoints.copy(), free, directions, derivatives)
+    spline = Spline(times, waypoints.copy(), free, directions, derivatives, np.arange(len(waypoints)))
     spline.derivatives[:3] = start
     moving = bool(start.any())
     if not moving:

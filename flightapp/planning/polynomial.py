@@ -57,17 +57,18 @@ class PolynomialPlanner:
         start = request.start
         motion = np.array([start.velocity, start.acceleration, start.jerk], float)
         if len(route.points) == 2 and not motion.any() and np.ptp(route.points, axis=0).max() < 1e-3:
-            times, coefficients, knots = np.array([REST]), np.zeros((1, 3, ORDER)), 0
+            times, coefficients, anchors = np.array([REST]), np.zeros((1, 3, ORDER)), np.arange(2)
             coefficients[0, :, 0] = route.points[0]
         else:
             limits = self._limits(route, motion, request)
             spline = optimise(route.points, route.directions, motion, limits, self._order, knots)
             _judge(spline, request)
-            times, coefficients = spline.times, polynomial_coefficients(spline.times, spline.points, spline.derivatives)
+            times, anchors = spline.times, spline.anchors
+            coefficients = polynomial_coefficients(spline.times, spline.points, spline.derivatives)
         if not (np.all(np.isfinite(times)) and np.all(np.isfinite(coefficients))):
             raise PlanningError("the route is too uneven for the arithmetic: no finite trajectory was found")
         places = np.concatenate(([0.0], np.cumsum(times)))
-        passages = [float(places[place * (knots + 1)]) for place in route.gate_places]
+        passages = [float(places[anchors[place]]) for place in route.gate_places]
         return self._facing(places, coefficients, passages, request)
 
     def _limits(self, route: Route, motion: Vector, request: PlanRequest) -> Vector:

@@ -40,11 +40,12 @@ def request_for(track, v_max=4.0, a_max=8.0, yaw_rate_max=3.0, shift=None, **oth
     start, rows, end = track
     gates = []
     for number, (x, y, z, degrees) in enumerate(rows):
+        moved, turned = ZERO, 0.0
         if shift is not None:
             radius, angle = 3.0 * math.sqrt(shift.uniform()), shift.uniform(0.0, 2.0 * math.pi)
-            x, y, z = x + radius * math.cos(angle), y + radius * math.sin(angle), z + shift.uniform(-0.5, 0.5)
-            degrees += shift.uniform(-10.0, 10.0)
-        gates.append(gate(number, x, y, z, math.radians(degrees)))
+            moved = np.array([radius * math.cos(angle), radius * math.sin(angle), shift.uniform(-0.5, 0.5)])
+            turned = shift.uniform(-10.0, 10.0)
+        gates.append(gate(number, x + moved[0], y + moved[1], z + moved[2], math.radians(degrees + turned)))
     limits = Limits(v_max, a_max, yaw_rate_max)
     return PlanRequest(0.0, at_rest(start), tuple(gates), np.array(end, float), limits, **others)
 

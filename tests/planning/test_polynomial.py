@@ -57,7 +57,7 @@ def test_plans_from_rest_keep_to_the_limits(seed, gates, v_max, a_max):
         track.append(gate(number, *position, yaw))
     limits = Limits(v_max, a_max, 3.0)
     start = at_rest((0.0, 0.0, rng.uniform(0.5, 2.0)), rng.uniform(-4.0, 4.0))
-    trajectory = PLANNER.plan(PlanRequest(5.0, start, tuple(track), position + [3.0, 1.0, 0.0], limits))
+    trajectory = PLANNER.plan(PlanRequest(5.0, start, tuple(track), position + np.array([3.0, 1.0, 0.0]), limits))
     keeps_limits(trajectory, limits)
     assert trajectory.stamp == 5.0
     for g, t in zip(track, trajectory.gate_times, strict=True):

@@ -1,0 +1,289 @@
+"""Computation times on this computer, beside the paper's profiling table."""
+
+import math
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rich.table import Table
+
+from flightapp import app
+from flightapp.autopilot.guard import CommandGuard
+from flightapp.channel import Topic
+from flightapp.config import Config
+
+from flightapp.control.flatness import FlatnessController
+from flightapp.estimation.tracker import TrackerEstimator
+from flightapp.evaluation.paper import profiling_times
+from flightapp.frames import Vector, quat_from_yaw, quat_to_matrix
+from flightapp.inputs import BadInputError
+from flightapp.interfaces import Limits, Motion, PlanRequest
+from flightapp.mapping.slam import SlamMapper
+from flightapp.messages import (
+    AutopilotStatus,
+    FlightMode,
+    Frame,
+    GateEstimate,
+    GateMap,
+    GateSighting,
+    PoseSample,
+    RateCommand,
+    VehicleState,
+)
+from flightapp.perception.aruco import ArucoDetector
+from flightapp.perception.regions import expected_regions
+from flightapp.planning.polynomial import PolynomialPlanner
+from flightapp.recording.recorder import Recorder
+from flightapp.recording.writer import FlightLog
+from flightapp.track import Gate, GateShape, Start, Track
+from flightapp.trajectory import Trajectory
+
+MISSION = Path(__file__).parents[1] / "missions" / "five_gates.py"
+BATCH = 1000
+GATE_DISTANCE = 4.0
+"""m from the camera to the gate of the perception rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table: seconds, or times faster than real time."""
+
+    name: str
+    count: int
+    p50: float
+    p99: float
+
+
+def run_bench(mission: Path = MISSION) -> dict[str, Any]:
+    """Measure everything; the machine-readable result of `flightapp bench`."""
+    paper = profiling_times()
+    rows = [*_control(), *_planning(), *_perception(), *_estimation(), *_recording(), *_simulation(), *_flights(mission)]
+    aliases = {"plan_6": "trajectory_6_points", "plan_14": "trajectory_14_points", "plan_26": "trajectory_26_points"}
+    aliases |= {"controller": "controller", "aruco_full": "aruco"}
+    return {
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+        "rows": [
+            {
+                "name": row.name,
+                "count": row.count,
+                "p50": row.p50,
+                "p99": row.p99,
+                "paper_i7": paper.get(aliases.get(row.name, ""), {}).get("i7_10870H"),
+                "paper_jetson": paper.get(aliases.get(row.name, ""), {}).get("jetson_xavier_nx"),
+            }
+            for row in rows
+        ],
+    }
+
+
+def bench_table(result: dict[str, Any]) -> Table:
+    """``result`` of `run_bench` for a terminal."""
+    table = Table("", "count", "p50", "p99", "paper, i7", "paper, Jetson", title=result["machine"])
+    for row in result["rows"]:
+        show = _times_real if row["name"].startswith("sim_") else _duration
+        values = [show(row[key]) for key in ("p50", "p99", "paper_i7", "paper_jetson")]
+        table.add_row(row["name"], str(row["count"]), *values)
+    return table
+
+
+def measure(name: str, function: Callable[[], object], count: int, calls: int = 1) -> Row:
+    """Time ``function``, which does its work ``calls`` times, ``count`` times after three unmeasured ones."""
+    for _ in range(3):
+        function()
+    taken = np.empty(count)
+    for i in range(count):
+        begin = time.perf_counter()
+        function()
+        taken[i] = time.perf_counter() - begin
+    p50, p99 = np.percentile(taken / calls, (50.0, 99.0))
+    return Row(name, count * calls, float(p50), float(p99))
+
+
+def _control() -> Iterator[Row]:
+    config = Config()
+    line = _plan(config, 6)
+    yield measure("controller", lambda: commands_in_compiled_code(config, line, BATCH), 200, BATCH)
+    controller, guard = FlatnessController(config), CommandGuard(config)
+    status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 1.0)
+    clock = _clock(0.004)
+
+    def command() -> RateCommand:
+        stamp = next(clock)
+        return controller.command(stamp, _state(stamp - 0.003), line)
+
+    yield measure("controller_from_python", command, 20000)
+    topics: tuple[Topic[Any], Topic[Any]] = (Topic("setpoint"), Topic("command"))
+
+    def tick() -> None:
+        safe = guard.check(wanted := command(), wanted.stamp, status)
+        topics[0].publish(line.setpoint(safe.stamp))
+        topics[1].publish(safe)
+
+    yield measure("command_tick", tick, 20000)
+
+
+def _planning() -> Iterator[Row]:
+    config = Config()
+    planner = PolynomialPlanner(config)
+    for points, count in ((6, 300), (14, 200), (26, 100), (1000, 3)):
+        request, waypoints = _course(points)
+        yield measure(f"plan_{points}", lambda r=request, w=waypoints: planner.through(w, r), count)  # type: ignore[misc]
+    request, waypoints = _course(26)
+    plan = planner.through(waypoints, request)
+    moving = plan.setpoint(plan.stamp + 0.3 * float(plan.knots[1]))
+    motion = Motion(moving.position, moving.velocity, moving.acceleration, moving.jerk, moving.yaw, moving.yaw_rate)
+    again = PlanRequest(moving.stamp, motion, (), request.end, request.limits)
+    yield measure("replan_26", lambda: planner.through(waypoints, again), 100)
+
+
+def _perception() -> Iterator[Row]:
+    config, track = Config(), _one_gate()
+    image = draw_gate(config, track)
+    frame = Frame(0.0, 0, image)
+    ours = ArucoDetector(config, track)
+    gate = GateEstimate(1, np.array((GATE_DISTANCE, 0.0, 0.0)), 0.0, np.diag((0.01, 0.01, 0.01, 0.001)), 9, 0.0)
+    state = _state(0.0)
+    camera = config.camera.model()
+    regions = expected_regions((gate,), np.zeros(3), state.orientation, camera, track.gate, config.detection)
+    yield measure("aruco_tracking", lambda: ours.detect(frame, regions), 300)
+    yield measure("aruco_full", lambda: ours.detect(frame, None), 100)
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    opencv = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), parameters)
+    yield measure("opencv_full", lambda: opencv.detectMarkers(image), 100)
+
+
+def _estimation() -> Iterator[Row]:
+    config = Config()
+    estimator = TrackerEstimator(config)
+    clock = _clock(0.005)
+    yield measure("estimator_step", lambda: estimator.on_pose(_pose(next(clock))), 5000)
+    mapper = SlamMapper(config, _one_gate(), 0.0)
+    frames = _clock(1.0 / 30.0)
+
+    def update() -> GateMap:
+        stamp = next(frames)
+        sighting = GateSighting(
+            stamp, 1, np.array((GATE_DISTANCE, 0.0, 0.0)), quat_from_yaw(0.0), 1e-4 * np.eye(6), None, 4, 0.2
+        )
+        return mapper.update((sighting,), _pose(stamp))
+
+    yield measure("map_update", update, 2000)
+
+
+def _recording() -> Iterator[Row]:
+    with tempfile.TemporaryDirectory() as scratch:
+        log = FlightLog(Path(scratch) / "flight.mcap", header={})
+        recorder = Recorder(log, threaded=False)
+        topic: Topic[VehicleState] = Topic("state")
+        recorder.tap(topic)
+        clock = _clock(0.005)
+        yield measure("recorder_write", lambda: topic.publish(_state(next(clock))), 20000)
+        recorder.close()
+
+
+def _simulation() -> Iterator[Row]:
+    for entry in entry_points(group="flightapp.benchmarks"):
+        for name, simulated, function in entry.load()():
+            row = measure(name, function, 20)
+            yield Row(name, row.count, simulated / row.p50, simulated / row.p99)
+
+
+def _flights(mission: Path) -> Iterator[Row]:
+    if not mission.exists():
+        raise BadInputError(f"{mission}: there is no such mission to measure the whole application with")
+    for kind, flights in (("corners", 5), ("rendered", 3)):
+        speeds = []
+        for seed in range(flights + 1):
+            with tempfile.TemporaryDirectory() as scratch:
+                plan = app.FlightPlan(mission, Path(scratch), overrides=(f"sim.camera={kind}",), seed=seed)
+                begin = time.perf_counter()
+                flown = app.fly(plan)
+                speeds.append(flown.duration / (time.perf_counter() - begin))
+        slow, middle = np.percentile(speeds[1:], (1.0, 50.0))
+        yield Row(f"sim_app_{kind}", flights, float(middle), float(slow))
+
+
+def draw_gate(config: Config, track: Track) -> "np.typing.NDArray[np.uint8]":
+    """What the configured camera sees of the track's first gate, straight ahead of a level body, with noise."""
+    camera, shape = config.camera.model(), track.gate
+    image = np.full((camera.height, camera.width), 110, np.uint8)
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{shape.dictionary}"))
+    cells = 8
+    for marker_id, corners in zip(track.gates[0].markers, shape.marker_corners(), strict=True):
+        texture = np.full((10 * cells, 10 * cells), 255, np.uint8)
+        texture[10:-10, 10:-10] = cv2.aruco.generateImageMarker(dictionary, marker_id, 10 * (cells - 2))
+        centre = corners.mean(axis=0)
+        quiet = centre + (corners - centre) * cells / (cells - 2)
+        in_body = quiet @ quat_to_matrix(quat_from_yaw(track.gates[0].yaw)).T + np.array((GATE_DISTANCE, 0.0, 0.0))
+        pixels = camera.project((in_body - camera.p_bc) @ camera.R_bc).astype(np.float32)
+        side = 10.0 * cells - 0.5
+        source = np.array([[-0.5, -0.5], [side, -0.5], [side, side], [-0.5, side]], np.float32)
+        warp = cv2.getPerspectiveTransform(source, pixels)
+        size = (camera.width, camera.height)
+        drawn = cv2.warpPerspective(texture, warp, size, flags=cv2.INTER_AREA)
+        mask = cv2.warpPerspective(np.full_like(texture, 255), warp, size) > 127
+        image[mask] = drawn[mask]
+    noise = np.random.default_rng(0).normal(0.0, 2.0, image.shape)
+    blurred = cv2.GaussianBlur(image, (0, 0), 0.7)
+    noisy: np.typing.NDArray[np.uint8] = np.clip(blurred + noise, 0.0, 255.0).astype(np.uint8)
+    return noisy
+
+
+def _course(points: int) -> tuple[PlanRequest, Vector]:
+    """A wavy closed course of so many waypoints, 8 m apart."""
+    angle = np.linspace(0.0, 2.0 * math.pi, points + 1)[1:]
+    radius = 8.0 * points / (2.0 * math.pi)
+    x, y, z = radius * np.sin(angle), radius * (1.0 - np.cos(angle)), 2.0 + np.sin(5.0 * angle)
+    waypoints = np.column_stack((x, y, z))
+    rest = np.zeros(3)
+    start = Motion(np.array((0.0, 0.0, 2.0)), rest, rest, rest, 0.0, 0.0)
+    return PlanRequest(0.0, start, (), waypoints[-1], Limits(5.0, 8.0, 3.0)), waypoints[:-1]
+
+
+def _plan(config: Config, points: int) -> Trajectory:
+    request, waypoints = _course(points)
+    return PolynomialPlanner(config).through(waypoints, request)
+
+
+def _one_gate() -> Track:
+    gate = Gate(id=1, position=(GATE_DISTANCE, 0.0, 1.5), yaw_deg=0.0, markers=(1, 2, 3, 4))
+    return Track(name="bench", start=Start(position=(0.0, 0.0, 0.0)), gate=GateShape(), gates=(gate,))
+
+
+def _state(stamp: float) -> VehicleState:
+    rest = np.zeros(3)
+    return VehicleState(stamp, np.array((0.0, 0.0, 1.5)), quat_from_yaw(0.0), rest, rest, 1e-4 * np.eye(9))
+
+
+def _pose(stamp: float) -> PoseSample:
+    rest = np.zeros(3)
+    return PoseSample(stamp, np.array((0.0, 0.0, 1.5)), quat_from_yaw(0.0), rest, rest, 3)
+
+
+def _clock(step: float) -> Iterator[float]:
+    count = 0
+    while True:
+        count += 1
+        yield count * step
+
+
+def _duration(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
+        if seconds * scale >= 1.0:
+            return f"{seconds * scale:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def _times_real(factor: float | None) -> str:
+    return "" if factor is None else f"{factor:.4g} ×"
