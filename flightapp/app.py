@@ -31,6 +31,7 @@ from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
 from flightapp.timing import Ticker
 from flightapp.track import Track
+from flightapp.warmup import warm_up
 
 Watch = Callable[[Bus, Rig], None]
 """Called once everything is wired, to attach a display."""
@@ -106,6 +107,8 @@ async def _fly(
     bus.fault.tap(bus.event.publish)
     known = rig.survey(mission.track)
     modules = choose_modules(config, known, rig)
+    spare = choose_modules(config, known, rig)
+    warm_up(config, known, rig.camera.model, spare.estimator, spare.mapper, spare.planner, spare.controller)
     machine = MissionMachine(bus.phase, bus.event)
     context = Context(bus, config, rig.autopilot, line, machine, known, modules.guard.release)
     drone = Drone(context, Coordinator(context))

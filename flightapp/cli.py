@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 
 from flightapp import app, display, results
-from flightapp.config import dump_config, load_config
 from flightapp.bench import bench_table, run_bench
+from flightapp.config import dump_config, load_config
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import terminal_tables
 from flightapp.inputs import BadInputError

@@ -5,7 +5,7 @@ from typing import ParamSpec, TypeVar, cast
 
 import numba
 
-numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"flightapp.jitcache.{name}" for name in ("Named", "InTree", "UserWide"))
+numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"flightapp.jitcache.{name}" for name in ("Named", "InTree", "UserWide"))  # type: ignore[attr-defined]
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -55,13 +55,13 @@ class _BySources:
         return whole.hexdigest()
 
 
-class Named(_BySources, UserProvidedCacheLocator):  # type: ignore[misc]
+class Named(_BySources, UserProvidedCacheLocator):
     """In the directory that NUMBA_CACHE_DIR names, if it does."""
 
 
-class InTree(_BySources, InTreeCacheLocator):  # type: ignore[misc]
+class InTree(_BySources, InTreeCacheLocator):
     """Beside the module, where that can be written."""
 
 
-class UserWide(_BySources, UserWideCacheLocator):  # type: ignore[misc]
+class UserWide(_BySources, UserWideCacheLocator):
     """In the user's cache directory."""

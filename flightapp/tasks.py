@@ -57,7 +57,7 @@ async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track:
         regions = None
         gate_map, state = bus.gate_map.latest, bus.state.latest
         whole = frame.sequence % config.detection.full_frame_every == 0
-        if config.detection.region_of_interest and not whole and gate_map and state:
+        if frame.image is not None and config.detection.region_of_interest and not whole and gate_map and state:
             regions = expected_regions(
                 gate_map.gates, state.position, state.orientation, rig.camera.model, track.gate, config.detection
             )
@@ -93,8 +93,11 @@ async def mapping(rig: Rig, bus: Bus, mapper: Mapper) -> None:
     while True:
         seen = await sightings.newest()
         pose = history.at(seen.stamp)
-        if pose is not None:
-            bus.gate_map.publish(await rig.worker.run("mapping", partial(mapper.update, seen.gates, pose)))
+        if pose is None:
+            continue
+        gate_map = await rig.worker.run("mapping", partial(mapper.update, seen.gates, pose))
+        if bus.gate_map.latest is None or gate_map.version != bus.gate_map.latest.version:
+            bus.gate_map.publish(gate_map)
 
 
 async def planning(rig: Rig, bus: Bus, modules: Modules, line: Line) -> None:

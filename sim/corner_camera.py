@@ -1,9 +1,7 @@
 """The corner-level camera: what camera and detector would have found, without the image.
 
-Marker corners are projected exactly. Whether a marker is found, and how far off its corners are, follows what
-`flightapp.perception.aruco.ArucoDetector` made of 2,400 images of `sim.render.Renderer` (pinhole 640×480 and
-fisheye 848×800; 1.2 to 14 m, up to 70° off the gate's axis, exposures of 4 to 15 ms, blur of 0 to 30 px; 8,055
-markers wholly in view). The numbers below are maximum-likelihood fits to these.
+Marker corners are projected exactly; what hides them is found by rays. Whether a marker is found, and how far off
+its corners are, follows `detector_model`.
 """
 
 import math
@@ -15,30 +13,10 @@ from flightapp.frames import Vector
 from flightapp.jit import kernel
 from flightapp.messages import MarkerDetection
 from flightapp.perception.camera import CameraModel
+from sim.detector_model import WRONG_SIGMA, bowed_corners, chance_found, corner_scatter, marker_look
 from sim.render import PoseAt, camera_poses, ray_grid
 from sim.scene import Quads, Scene
 
-HALF_FOUND = 9.8
-"""px, narrow side of a sharp marker that is found every other time."""
-BLUR_COST = 0.19
-"""1/px, the narrow side must be longer by this times the square of the blur's length."""
-STEEPNESS = 9.9
-"""Exponent of the odds of being found in the ratio of the narrow side to the one that is found every other time."""
-CORE = 0.031
-"""px, standard deviation of the corners of a large, sharp marker."""
-CORE_SMALL, CORE_BLURRED = 0.139, 0.034
-"""px, and 1 per px of blur: added to it at the ratio of one; falls with the ratio's third power."""
-OUTLIERS = 0.15
-"""Share of corners on a wrong edge at the ratio of one; falls linearly to none at `OUTLIERS_UNTIL`."""
-OUTLIERS_UNTIL = 2.2
-OUTLIER, OUTLIER_BLURRED = 0.75, 0.04
-"""px, and 1 per px of blur: the standard deviation of those."""
-BOW = 2.0 / 3.0
-"""A straight line fitted to a side that the lens bends lies this part of the sagitta off the corners' chord.
-
-So the mean of a parabola has it. For markers of 35 to 50 px in the fisheye's images, the detector's corners lie
-0.34 px RMS off the true corners, but 0.07 px off these.
-"""
 BORDER = 2.0
 """px, a marker nearer to the image's border is not found."""
 QUIET = 1.15
@@ -86,46 +64,6 @@ def _to_camera(points: Vector, R_wc: Vector, centres: Vector) -> Vector:
 
 
 @kernel
-def _bowed_corners(pixels: Vector, out: Vector) -> None:
-    """Fill ``out`` (4, 2) with where lines fitted to the sides meet; ``pixels`` (8, 2) corners, then middles of sides.
-
-    Side i goes from corner i to the next.
-    """
-    for i in range(4):
-        before = (i + 3) % 4
-        nx = np.empty(2)
-        ny = np.empty(2)
-        shift = np.empty(2)
-        for j in range(2):
-            a = before if j == 0 else i
-            b = (a + 1) % 4
-            ex, ey = pixels[b, 0] - pixels[a, 0], pixels[b, 1] - pixels[a, 1]
-            length = max(math.hypot(ex, ey), 1e-9)
-            nx[j], ny[j] = ey / length, -ex / length
-            mx = pixels[4 + a, 0] - 0.5 * (pixels[a, 0] + pixels[b, 0])
-            my = pixels[4 + a, 1] - 0.5 * (pixels[a, 1] + pixels[b, 1])
-            shift[j] = BOW * (mx * nx[j] + my * ny[j])
-        determinant = nx[0] * ny[1] - nx[1] * ny[0]
-        out[i, 0], out[i, 1] = pixels[i, 0], pixels[i, 1]
-        if abs(determinant) > 0.05:
-            out[i, 0] += (shift[0] * ny[1] - shift[1] * ny[0]) / determinant
-            out[i, 1] += (nx[0] * shift[1] - nx[1] * shift[0]) / determinant
-
-
-@kernel
-def _ratio_and_blur(before: Vector, pixels: Vector, after: Vector) -> tuple[float, float]:
-    """Narrow side over the one that is found every other time, and length of the blur in px; pixels (8, 2)."""
-    longest, blur = 1e-9, 0.0
-    for i in range(4):
-        j = (i + 1) % 4
-        longest = max(longest, math.hypot(pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]))
-        blur += 0.25 * math.hypot(after[i, 0] - before[i, 0], after[i, 1] - before[i, 1])
-    cross = (pixels[2, 0] - pixels[0, 0]) * (pixels[3, 1] - pixels[1, 1])
-    cross -= (pixels[2, 1] - pixels[0, 1]) * (pixels[3, 0] - pixels[1, 0])
-    return 0.5 * abs(cross) / longest / (HALF_FOUND + BLUR_COST * blur * blur), blur
-
-
-@kernel
 def _in_view(points: Vector, pixels: Vector, quads: Quads, own: int, eye: Vector, width: int, height: int) -> bool:
     """Whether all points (9, 3) of a marker can be seen, whose corners and sides have ``pixels`` (8, 2)."""
     for i in range(POINTS):
@@ -149,6 +87,7 @@ def _observe(
     eye: Vector,
     width: int,
     height: int,
+    cells: int,
     chance: Vector,
     scatter: Vector,
     out: Vector,
@@ -157,7 +96,7 @@ def _observe(
 
     ``pixels`` (3, m, 8, 2) and ``rays`` (m, 8, 3) m, camera frame, of corners and middles of sides at the start,
     middle and end of the exposure, and in its middle; ``margins`` (m, 9, 3) m, world, the points that must not be
-    hidden; ``chance`` (m, 5) in 0..1; ``scatter`` (m, 4, 2) standard normal.
+    hidden; ``cells`` a marker's cells a side; ``chance`` (m, 5) in 0..1; ``scatter`` (m, 4, 2) standard normal.
     """
     found = np.zeros(len(owners), np.bool_)
     for m in range(len(owners)):
@@ -175,17 +114,16 @@ def _observe(
             inside = inside and z > least_cos * math.sqrt(x * x + y * y + z * z)
         if not inside:
             continue
-        ratio, blur = _ratio_and_blur(pixels[0, m], pixels[1, m], pixels[2, m])
-        if chance[m, 4] * (1.0 + max(ratio, 1e-3) ** -STEEPNESS) >= 1.0:
+        look = marker_look(pixels[0, m], pixels[1, m], pixels[2, m], cells)
+        if chance[m, 4] >= chance_found(look, cells):
             continue
         if not _in_view(margins[m], pixels[1, m], quads, q, eye, width, height):
             continue
         found[m] = True
-        _bowed_corners(pixels[1, m], out[m])
-        core = CORE + (CORE_SMALL + CORE_BLURRED * blur) / max(ratio, 0.7) ** 3
-        outliers = OUTLIERS * min(max((OUTLIERS_UNTIL - ratio) / (OUTLIERS_UNTIL - 1.0), 0.0), 1.0)
+        bowed_corners(pixels[1, m], out[m])
+        core, wrong = corner_scatter(look)
         for i in range(4):
-            sigma = OUTLIER + OUTLIER_BLURRED * blur if chance[m, i] < outliers else core
+            sigma = WRONG_SIGMA if chance[m, i] < wrong else core
             out[m, i, 0] += sigma * scatter[m, i, 0]
             out[m, i, 1] += sigma * scatter[m, i, 1]
     return found
@@ -206,6 +144,7 @@ class CornerCamera:
         points = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
         self._points = points.reshape(-1, 3)
         self._margins = np.concatenate([centres + QUIET * (points - centres), centres], axis=1)
+        self._cells = boards.black.shape[1] - 1
         self._owners = boards.quad[whole]
         self._ids = [int(marker) for marker in boards.ids[whole]]
         rays = ray_grid(camera, 64, 64).reshape(-1, 3)
@@ -230,6 +169,7 @@ class CornerCamera:
             centres[1],
             self._camera.width,
             self._camera.height,
+            self._cells,
             chance,
             scatter,
             corners,

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.inputs import BadInputError
 from flightapp.track import Gate, GateShape, Track
 from sim.ground import Ground, make_ground
 
@@ -70,10 +69,7 @@ class Scene:
 
     @classmethod
     def from_track(cls, track: Track, seed: int = 0) -> "Scene":
-        """The scene of the true ``track``; ``seed`` varies brightness, contrast and the ground.
-
-        Raises `BadInputError` for a dictionary or a marker id that OpenCV does not have.
-        """
+        """The scene of the true ``track``; ``seed`` varies brightness, contrast and the ground."""
         rng = np.random.default_rng(seed)
         dictionary = marker_dictionary(track.gate.dictionary)
         frames = [_gate_quad(gate, track.gate, rng) for gate in track.gates]
@@ -86,18 +82,12 @@ class Scene:
 
 
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
-    """OpenCV's predefined ArUco dictionary ``name`` (without DICT_); raises `BadInputError`."""
-    number = getattr(cv2.aruco, f"DICT_{name}", None)
-    if number is None:
-        raise BadInputError(f"gate.dictionary '{name}': OpenCV has no DICT_{name}; try 4X4_50")
-    return cv2.aruco.getPredefinedDictionary(number)
+    """OpenCV's predefined ArUco dictionary ``name`` (without DICT_)."""
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
 def marker_cells(dictionary: cv2.aruco.Dictionary, marker_id: int) -> NDArray[np.bool_]:
-    """(k, k) which cells of a marker are black, its border included, from the top left; raises `BadInputError`."""
-    count = dictionary.bytesList.shape[0]
-    if marker_id >= count:
-        raise BadInputError(f"marker id {marker_id} is not in the dictionary, which has the ids 0 to {count - 1}")
+    """(k, k) which cells of a marker are black, its border included, from the top left."""
     cells: NDArray[np.bool_] = cv2.aruco.generateImageMarker(dictionary, marker_id, dictionary.markerSize + 2) < 128
     return cells
 

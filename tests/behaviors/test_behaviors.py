@@ -3,7 +3,6 @@
 import asyncio
 
 import numpy as np
-
 from fakes import FakeAutopilot, make_context, stream_states, virtually
 
 from flightapp.behaviors.base import Behavior, Coordinator, Result

@@ -3,7 +3,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from flightapp.config import Config
-from flightapp.frames import quat_from_euler
+from flightapp.frames import Vector, quat_from_euler
 from flightapp.messages import Frame, MarkerDetection
 from flightapp.perception.aruco import ArucoDetector
 from flightapp.perception.camera import CameraModel
@@ -85,21 +85,22 @@ def jittered(distance: float, oblique: float, rates: tuple[float, float, float],
     rng = np.random.default_rng(11)
     poses = []
     for _ in range(count):
-        d, angle = distance * rng.uniform(0.97, 1.03), oblique + rng.uniform(-0.03, 0.03)
-        attitude = quat_from_euler(rng.uniform(-0.3, 0.3), 0.17 + rng.uniform(-0.03, 0.03), -angle)
-        poses.append(moving((4.0 - d * np.cos(angle), d * np.sin(angle), 1.5), attitude, rates=rates))
+        d, angle = distance * rng.uniform(0.97, 1.03), oblique + rng.uniform(-0.1, 0.1)
+        attitude = quat_from_euler(rng.uniform(-0.5, 0.5), 0.17 + rng.uniform(-0.03, 0.03), -angle)
+        height = 1.5 + rng.uniform(-0.5, 0.5)
+        poses.append(moving((4.0 - d * np.cos(angle), d * np.sin(angle), height), attitude, rates=rates))
     return poses
 
 
 @pytest.mark.parametrize(
-    ("camera", "distance", "oblique", "rates", "rate_bound", "rms_factor"),
+    ("camera", "distance", "oblique", "rates", "rate_bound"),
     [
-        (PINHOLE, 3.0, 0.0, (0.0, 0.0, 0.0), 0.02, 2.0),
-        (PINHOLE, 7.5, 0.0, (0.0, 0.0, 1.5), 0.2, 2.0),
-        (PINHOLE, 9.5, 0.0, (0.0, 0.0, 0.0), 0.25, 2.0),
-        (PINHOLE, 4.0, 1.0, (0.0, 0.0, 0.0), 0.2, 2.0),
-        (PINHOLE, 5.0, 0.0, (0.0, 0.0, 4.5), 0.25, 2.0),
-        (FISHEYE, 2.0, 0.5, (0.0, 0.0, 0.0), 0.05, 2.0),
+        (PINHOLE, 3.0, 0.0, (0.0, 0.0, 0.0), 0.02),
+        (PINHOLE, 7.5, 0.0, (0.0, 0.0, 1.5), 0.1),
+        (PINHOLE, 9.5, 0.0, (0.0, 0.0, 0.0), 0.15),
+        (PINHOLE, 4.0, 1.0, (0.0, 0.0, 0.0), 0.2),
+        (PINHOLE, 5.0, 0.0, (0.0, 0.0, 3.8), 0.1),
+        (FISHEYE, 2.0, 0.5, (0.0, 0.0, 0.0), 0.05),
     ],
     ids=["near", "far", "at the limit", "oblique", "blurred", "fisheye"],
 )
@@ -109,12 +110,12 @@ def test_agrees_with_rendered_images_and_the_detector(
     oblique: float,
     rates: tuple[float, float, float],
     rate_bound: float,
-    rms_factor: float,
 ) -> None:
     count = 24
     renderer, corners = Renderer(SCENE, camera, 0.004, 2), CornerCamera(SCENE, camera, 0.004, 2)
     detector = ArucoDetector(Config(), TRACK)
-    hits, errors = [0, 0], [[], []]  # type: tuple[list[int], list[list[np.ndarray]]]
+    hits = [0, 0]
+    errors: list[list[Vector]] = [[], []]
     for pose_at in jittered(distance, oblique, rates, count):
         truth = projected(SCENE, camera, pose_at)
         rendered = detector.detect(Frame(0.0, 0, renderer.render(0.0, pose_at)), None)
@@ -124,7 +125,7 @@ def test_agrees_with_rendered_images_and_the_detector(
     rate = np.array(hits) / (4.0 * count)
     rms = [np.sqrt(np.mean(np.square(item))) for item in errors]
     assert abs(rate[0] - rate[1]) <= rate_bound, f"found by detector and model: {rate}"
-    assert 1.0 / rms_factor < rms[1] / rms[0] < rms_factor, f"corner RMS of detector and model: {rms} px"
+    assert 0.5 < rms[1] / rms[0] < 2.0, f"corner RMS of detector and model: {rms} px"
 
 
 def test_benchmark_corner_camera(benchmark: BenchmarkFixture) -> None:

@@ -6,7 +6,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from flightapp.config import Config
 from flightapp.frames import quat_from_euler
+from flightapp.messages import Frame
+from flightapp.perception.aruco import ArucoDetector
 from flightapp.perception.camera import CameraModel
 from flightapp.track import Gate, Start, Track
 from sim.panel import Board, Panel, leg_mean
@@ -17,13 +20,18 @@ from tests.sim.camera_cases import FISHEYE, LEVEL, PINHOLE, make_track, moving, 
 EMPTY_TRACK = Track(name="empty", start=Start(position=(0.0, 0.0, 1.0)), waypoints=((1.0, 0.0, 1.0),))
 
 
-def found(image: NDArray[np.uint8]) -> dict[int, NDArray[np.float32]]:
+def found(image: NDArray[np.uint8], track: Track) -> dict[int, NDArray[np.float64]]:
+    markers = ArucoDetector(Config(), track).detect(Frame(0.0, 0, image), None)
+    return {marker.marker_id: marker.corners for marker in markers}
+
+
+def found_by_opencv(image: NDArray[np.uint8]) -> dict[int, NDArray[np.float32]]:
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     parameters.cornerRefinementWinSize = 3
     detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), parameters)
     corners, ids, _ = detector.detectMarkers(image)
-    return {} if ids is None else {int(i): c.reshape(4, 2) for i, c in zip(ids.ravel(), corners, strict=True)}
+    return {int(i): c.reshape(4, 2) for i, c in zip(np.ravel(ids), corners, strict=True)}
 
 
 def projected(scene: Scene, camera: CameraModel, pose_at: PoseAt) -> NDArray[np.float64]:
@@ -31,23 +39,41 @@ def projected(scene: Scene, camera: CameraModel, pose_at: PoseAt) -> NDArray[np.
     return camera.project((scene.boards.corners.reshape(-1, 3) - centres[0]) @ R_wc[0]).reshape(-1, 4, 2)
 
 
+@pytest.mark.parametrize(("camera", "bound"), [(PINHOLE, 0.1), (FISHEYE, 0.3)], ids=["pinhole", "fisheye"])
+def test_corners_are_found_where_the_camera_model_projects_them(camera: CameraModel, bound: float) -> None:
+    # The detector fits straight lines; what the fisheye bends of a side of 27 px makes its wider bound.
+    track = one_gate()
+    scene = Scene.from_track(track)
+    renderer = Renderer(scene, camera, 0.004, 1)
+    errors = []
+    for i in range(6):
+        pose_at = moving((0.9 + 0.05 * i, 0.3 - 0.1 * i, 1.4), quat_from_euler(0.15, 0.1, -0.1))
+        truth, markers = projected(scene, camera, pose_at), found(renderer.render(0.0, pose_at), track)
+        assert sorted(markers) == [0, 1, 2, 3]
+        errors += [markers[marker] - truth[marker] for marker in range(4)]
+    assert np.linalg.norm(errors, axis=-1).mean() < bound
+    assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.03
+
+
 @pytest.mark.parametrize("camera", [PINHOLE, FISHEYE], ids=["pinhole", "fisheye"])
-def test_opencv_finds_corners_where_the_camera_model_projects_them(camera: CameraModel) -> None:
+def test_opencv_alone_finds_the_same_corners(camera: CameraModel) -> None:
+    # cornerSubPix itself is 0.2 to 0.3 px off at a corner that is dark on one side only, inwards at all four.
     scene = Scene.from_track(one_gate())
-    pose_at = moving((1.6, 0.3, 1.4), quat_from_euler(0.15, 0.1, -0.1))
-    markers = found(Renderer(scene, camera, 0.004, 1).render(0.0, pose_at))
-    truth = projected(scene, camera, pose_at)
-    assert sorted(markers) == [0, 1, 2, 3]
-    errors = np.array([markers[i] - truth[i] for i in range(4)])
-    assert np.linalg.norm(errors, axis=-1).mean() < 0.3
-    assert np.abs(errors.mean(axis=(0, 1))).max() < 0.1
+    renderer = Renderer(scene, camera, 0.004, 1)
+    errors = []
+    for i in range(6):
+        pose_at = moving((1.5, 0.3 - 0.1 * i, 1.4), quat_from_euler(0.05 * i, 0.1, -0.1))
+        truth, markers = projected(scene, camera, pose_at), found_by_opencv(renderer.render(0.0, pose_at))
+        errors += [markers[marker] - truth[marker] for marker in markers]
+    assert len(errors) >= 20
+    assert np.abs(np.median(errors, axis=(0, 1))).max() < 0.1
 
 
-def test_small_markers_are_readable_and_not_aliased() -> None:
-    scene = Scene.from_track(one_gate((7.0, 0.0, 1.5)))
-    renderer = Renderer(scene, PINHOLE, 0.004, 1)
-    hits = sum(len(found(renderer.render(0.0, moving((0.4, 0.003 * i, 1.5))))) for i in range(10))
-    assert hits >= 32
+def test_markers_of_15_px_are_readable() -> None:
+    track = one_gate((7.0, 0.0, 1.5))
+    renderer = Renderer(Scene.from_track(track), PINHOLE, 0.004, 1)
+    hits = sum(len(found(renderer.render(0.0, moving((0.6, 0.003 * i, 1.5))), track)) for i in range(10))
+    assert hits >= 38
 
 
 def edge_width(exposure: float, yaw_rate: float) -> float:
@@ -73,42 +99,44 @@ def test_blur_grows_with_exposure_as_the_motion_says() -> None:
 def test_a_gate_in_front_hides_a_marker() -> None:
     far = Gate(id=0, position=(6.0, 0.0, 1.5), yaw_deg=0.0, markers=(0, 1, 2, 3))
     near = Gate(id=1, position=(2.0, 0.8, 1.5), yaw_deg=0.0, markers=(4, 5, 6, 7))
+    alone, both = make_track(far), make_track(near, far)
     pose_at = moving((0.0, 0.0, 1.5))
-    alone = found(Renderer(Scene.from_track(make_track(far)), PINHOLE, 0.004, 1).render(0.0, pose_at))
-    both = found(Renderer(Scene.from_track(make_track(near, far)), PINHOLE, 0.004, 1).render(0.0, pose_at))
-    assert {0, 1, 2, 3} <= set(alone)
-    assert {0, 3} <= set(both)
-    assert not {1, 2} & set(both)
+    seen = [
+        set(found(Renderer(Scene.from_track(track), PINHOLE, 0.004, 1).render(0.0, pose_at), both))
+        for track in (alone, both)
+    ]
+    assert seen[0] == {0, 1, 2, 3}
+    assert seen[1] & seen[0] == {0, 3}
 
 
 def test_the_back_shows_no_markers() -> None:
     pose_at = moving((6.5, 0.0, 1.5), quat_from_euler(0.0, np.radians(10.0), np.pi))
-    image = Renderer(Scene.from_track(one_gate()), PINHOLE, 0.004, 1).render(0.0, pose_at)
-    assert not found(image)
-    assert 40 < image[100, 320] < 100
+    track = one_gate()
+    image = Renderer(Scene.from_track(track), PINHOLE, 0.004, 1).render(0.0, pose_at)
+    assert not found(image, track)
+    assert 40 < image[125:135, 310:330].mean() < 90
 
 
 @pytest.mark.parametrize("camera", [PINHOLE, FISHEYE], ids=["pinhole", "fisheye"])
 def test_what_is_behind_the_camera_is_not_seen(camera: CameraModel) -> None:
     pose_at = moving((8.0, 0.0, 1.5), velocity=(5.0, 0.0, 0.0))
     with_gate = Renderer(Scene.from_track(one_gate((4.0, 0.0, 1.5))), camera, 0.004, 1).render(0.0, pose_at)
-    empty = Renderer(Scene.from_track(EMPTY_TRACK), camera, 0.004, 1).render(0.0, pose_at)
-    ground = Renderer(Scene.from_track(one_gate((400.0, 400.0, 1.5))), camera, 0.004, 1).render(0.0, pose_at)
+    ground = Renderer(Scene.from_track(one_gate((-400.0, 0.0, 1.5))), camera, 0.004, 1).render(0.0, pose_at)
     np.testing.assert_array_equal(with_gate, ground)
-    assert empty.shape == (camera.height, camera.width)
 
 
 def test_the_fisheye_sees_beyond_90_degrees() -> None:
-    scene = Scene.from_track(one_gate((-0.3, 1.0, 1.5), 90.0))
+    scene = Scene.from_track(one_gate((0.28, 1.0, 1.5), 90.0))
     pose_at = moving((0.0, 0.0, 1.5))
     R_wc, centres = camera_poses(FISHEYE, pose_at, np.zeros(1))
-    shown = scene.quads.origin[0] + np.array([-0.9 + 0.55, 0.0, 0.9])
+    shown = scene.quads.origin[0] + np.array([-0.35, 0.0, 0.9])
     ray = (shown - centres[0]) @ R_wc[0]
     u, v = FISHEYE.project(ray[None])[0]
     image = Renderer(scene, FISHEYE, 0.004, 1).render(0.0, pose_at)
     sky = Renderer(Scene.from_track(EMPTY_TRACK), FISHEYE, 0.004, 1).render(0.0, pose_at)
     patch = np.s_[round(v) - 3 : round(v) + 4, round(u) - 3 : round(u) + 4]
     assert ray[2] < 0.0
+    assert FISHEYE.contains(np.array([[u, v]]), 4.0).all()
     assert image[patch].mean() < sky[patch].mean() - 40
 
 

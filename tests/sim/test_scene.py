@@ -2,8 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flightapp.inputs import BadInputError
-from flightapp.track import Box, Gate, GateShape, Start, Track
+from flightapp.track import Box, Gate, GateShape
 from sim.order import far_to_near, quad_normals, quad_vertices
 from sim.scene import Scene, board_side
 from tests.sim.camera_cases import make_track, one_gate
@@ -35,16 +34,6 @@ def test_nothing_reaches_underground() -> None:
 @pytest.mark.parametrize(("border", "side"), [(0.4, 0.4), (1.0, 0.4), (0.32, 0.32)])
 def test_quiet_zone_is_one_cell_where_it_fits(border: float, side: float) -> None:
     assert board_side(GateShape(border=border), 6) == pytest.approx(side)
-
-
-def test_unknown_dictionary_and_marker_are_refused() -> None:
-    start = Start(position=(0.0, 0.0, 1.0))
-    gate = Gate(id=0, position=(4.0, 0.0, 1.5), yaw_deg=0.0, markers=(0, 1, 2, 50))
-    with pytest.raises(BadInputError, match="0 to 49"):
-        Scene.from_track(make_track(gate))
-    shape = GateShape(dictionary="9X9_50")
-    with pytest.raises(BadInputError, match="DICT_9X9_50"):
-        Scene.from_track(Track(name="t", start=start, gate=shape, gates=(gate,)))
 
 
 def test_far_quads_come_before_near_ones_even_if_their_middles_are_nearer() -> None:
