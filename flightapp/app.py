@@ -4,7 +4,8 @@ The only file that knows every part.
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import time
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from flightapp.mission.loader import MissionFile, load_mission
 from flightapp.mission.machine import MissionMachine
 from flightapp.mission.supervisor import Ending, Supervisor
 from flightapp.modules import find
+from flightapp.perception.camera import CameraModel
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
@@ -58,84 +60,101 @@ class Flown:
     seed: int
     ending: Ending
     duration: float
-    """s, of the whole flight by its own clock."""
+    """s, of the flight by its own clock."""
+    wall: float
+    """s that it took; in virtual time much less."""
     out: Path
 
 
 def prepare(plan: FlightPlan) -> tuple[MissionFile, Config]:
     """Load and check all of ``plan``'s inputs; raises `BadInputError`."""
     mission = load_mission(plan.mission)
-    return mission, load_config(plan.vehicle, mission.settings, plan.overrides)
+    config = load_config(plan.vehicle, mission.settings, plan.overrides)
+    for kind, name in _modules(config).items():
+        find(kind, name)
+    return mission, config
 
 
 def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
     """Fly ``plan`` to its end and leave flight.mcap, config.toml and app.log in its directory."""
     mission, config = prepare(plan)
     rig_class = find("rigs", plan.rig)
-    plan.out.mkdir(parents=True, exist_ok=True)
-    (plan.out / "config.toml").write_text(dump_config(config), encoding="utf-8")
-    header = {
-        "mission": mission.name,
-        "seed": str(plan.seed),
-        "track": mission.track.model_dump_json(),
-        "config": dump_config(config),
-    }
 
-    async def main() -> tuple[Ending, float]:
+    async def main() -> Flown:
+        spare = choose_modules(config, mission.track, config.camera.model())
+        warm_up(config, mission.track, spare)
         rig: Rig = rig_class(config, mission.track, plan.seed)
+        plan.out.mkdir(parents=True, exist_ok=True)
+        text = dump_config(config)
+        (plan.out / "config.toml").write_text(text, encoding="utf-8")
+        track = mission.track.model_dump_json()
+        header = {"mission": mission.name, "seed": str(plan.seed), "track": track, "config": text}
         log = FlightLog(plan.out / "flight.mcap", header=header, opening=mission.track.gate.opening)
         recorder = Recorder(log, threaded=plan.realtime)
-        with AppLog(plan.out / "app.log") as app_log:
-            ending = Ending(Outcome.PROCESS_FAILURE, "not started")
-            try:
-                ending = await _fly(mission, config, rig, recorder, app_log, watch)
-            finally:
-                recorder.close(outcome=ending.outcome, reason=ending.reason)
-        return ending, asyncio.get_running_loop().time()
+        ending = Ending(Outcome.PROCESS_FAILURE, "not started")
+        try:
+            with AppLog(plan.out / "app.log") as app_log:
+                flight = _wire(mission, config, rig, recorder, app_log, watch)
+                begin, wall = tasks.now(), time.perf_counter()
+                ending = await flight()
+        finally:
+            recorder.close(outcome=ending.outcome, reason=ending.reason)
+        return Flown(mission.name, plan.seed, ending, tasks.now() - begin, time.perf_counter() - wall, plan.out)
 
     with asyncio.Runner(loop_factory=rig_class.loop_factory(plan.realtime)) as runner:
-        ending, duration = runner.run(main())
-    return Flown(mission.name, plan.seed, ending, duration, plan.out)
+        return runner.run(main())
 
 
-async def _fly(
+def _wire(
     mission: MissionFile, config: Config, rig: Rig, recorder: Recorder, app_log: AppLog, watch: Watch | None
-) -> Ending:
+) -> Callable[[], Awaitable[Ending]]:
+    """Connect everything; what is returned flies."""
     bus, line = Bus(), Line()
     _record(recorder, bus, rig, config)
     bus.event.tap(app_log.write)
     bus.fault.tap(bus.event.publish)
     known = rig.survey(mission.track)
-    modules = choose_modules(config, known, rig)
-    spare = choose_modules(config, known, rig)
-    warm_up(config, known, rig.camera.model, spare.estimator, spare.mapper, spare.planner, spare.controller)
+    modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)
     context = Context(bus, config, rig.autopilot, line, machine, known, modules.guard.release)
     drone = Drone(context, Coordinator(context))
     if watch is not None:
         watch(bus, rig)
-    ticker = Ticker(config.control.rate)
-    supervisor = Supervisor(context, modules.guard)
-    work: dict[str, Coroutine[Any, Any, None]] = {
-        "camera": tasks.camera(rig, bus),
-        "detection": tasks.detection(rig, bus, modules, config, known),
-        "estimation": tasks.estimation(rig, bus, modules.estimator),
-        "mapping": tasks.mapping(rig, bus, modules.mapper),
-        "planning": tasks.planning(rig, bus, modules, line),
-        "control": tasks.control(rig, bus, modules, line, ticker),
-        "health": tasks.health(bus, config, line),
+
+    async def flight() -> Ending:
+        work: dict[str, Coroutine[Any, Any, None]] = {
+            "camera": tasks.camera(rig, bus),
+            "detection": tasks.detection(rig, bus, modules, config, known),
+            "estimation": tasks.estimation(rig, bus, modules.estimator),
+            "mapping": tasks.mapping(rig, bus, modules.mapper),
+            "planning": tasks.planning(rig, bus, modules, line),
+            "control": tasks.control(rig, bus, modules, line, Ticker(config.control.rate)),
+            "health": tasks.health(bus, config, line),
+        }
+        try:
+            return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
+        finally:
+            await rig.autopilot.close()
+            rig.worker.close()
+
+    return flight
+
+
+def _modules(config: Config) -> dict[str, str]:
+    """The name of the module of each kind."""
+    return {
+        "detectors": config.detection.detector,
+        "estimators": config.estimation.estimator,
+        "planners": config.planning.planner,
+        "controllers": config.control.controller,
     }
-    try:
-        return await supervisor.run(work, rig.autopilot, lambda: mission.run(drone))
-    finally:
-        await rig.autopilot.close()
 
 
-def choose_modules(config: Config, track: Track, rig: Rig) -> tasks.Modules:
+def choose_modules(config: Config, track: Track, camera: CameraModel) -> tasks.Modules:
     """The modules that ``config`` names, for a ``track`` as it is known before the flight."""
     return tasks.Modules(
         detector=find("detectors", config.detection.detector)(config, track),
-        gate_pose=GatePoseSolver(config, track, rig.camera.model),
+        gate_pose=GatePoseSolver(config, track, camera),
         estimator=find("estimators", config.estimation.estimator)(config),
         mapper=SlamMapper(config, track, tasks.now()),
         navigator=Navigator(config),

@@ -46,7 +46,9 @@ def fly(
         flown = app.fly(plan, watch)
     summary = results.finish(flown)
     console.print(*terminal_tables(summary), sep="\n")
-    console.print(f"{flown.ending.outcome}: {flown.ending.reason}")
+    speed = flown.duration / flown.wall
+    console.print(f"{flown.duration:.1f} s flown in {flown.wall:.1f} s ({speed:.1f} × real time)", highlight=False)
+    console.print(f"{flown.ending.outcome}: {flown.ending.reason}", highlight=False)
     console.print(f"report: {plan.out / 'report.html'}", soft_wrap=True)
     raise typer.Exit(1 if why_failed(summary) else 0)
 

@@ -205,6 +205,10 @@ class Worker(Protocol):
         """``function()``'s result, computed where it holds nothing up; ``name`` says what it is."""
         ...
 
+    def close(self) -> None:
+        """Give back what it holds."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class GroundTruthFeed:

@@ -58,10 +58,15 @@ def report(run: Path) -> tuple[dict[str, Any], Path]:
 
 
 def fly_one(plan: app.FlightPlan, seed: int) -> dict[str, Any]:
-    """Fly ``plan`` with another ``seed`` and keep only the summary."""
+    """Fly ``plan`` with another ``seed`` and keep only the summary, or {"seed", "why"} where it broke."""
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as scratch:
-        return finish(app.fly(replace(plan, seed=seed, out=Path(scratch))), page=False)
+        try:
+            return finish(app.fly(replace(plan, seed=seed, out=Path(scratch))), page=False)
+        except BadInputError:
+            raise
+        except Exception as error:  # one broken flight must not lose the others
+            return {"seed": seed, "why": f"{type(error).__name__}: {error}"}
 
 
 def sweep(plan: app.FlightPlan, runs: int, workers: int, advance: Callable[[bool], None]) -> dict[str, Any]:
@@ -71,7 +76,7 @@ def sweep(plan: app.FlightPlan, runs: int, workers: int, advance: Callable[[bool
     summaries = []
     for summary in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
         summaries.append(summary)
-        advance(not why_failed(summary))
+        advance("why" not in summary and not why_failed(summary))
     return sweep_summary(summaries)
 
 

@@ -5,43 +5,37 @@ import numpy as np
 from flightapp.config import Config
 from flightapp.estimation.history import PoseHistory
 from flightapp.frames import quat_from_yaw
-from flightapp.interfaces import Controller, Estimator, Limits, Mapper, Motion, Planner, PlanRequest
+from flightapp.interfaces import Limits, Motion, PlanRequest
 from flightapp.messages import GateEstimate, GateSighting, PoseSample
-from flightapp.perception.camera import CameraModel
 from flightapp.perception.regions import expected_regions
+from flightapp.tasks import Modules
 from flightapp.track import Track
 
 AHEAD = np.array((6.0, 1.0, 1.5))
 
 
-def warm_up(
-    config: Config,
-    track: Track,
-    camera: CameraModel,
-    estimator: Estimator,
-    mapper: Mapper,
-    planner: Planner,
-    controller: Controller,
-) -> None:
-    """Call each module once. They remember it: pass instances that will not fly."""
+def warm_up(config: Config, track: Track, spare: Modules) -> None:
+    """Call each module once. They remember it: ``spare`` must not fly."""
     rest, level = np.zeros(3), quat_from_yaw(0.0)
     history = PoseHistory()
     state = None
     for stamp in (0.0, 0.005, 0.010):
         pose = PoseSample(stamp, rest, level, rest, rest, 3)
         history.add(pose)
-        state = estimator.on_pose(pose) or state
+        state = spare.estimator.on_pose(pose) or state
     between, beyond = history.at(0.007), history.at(0.012)
     gate_id = track.gates[0].id if track.gates else 0
     sighting = GateSighting(0.007, gate_id, AHEAD, level, 0.01 * np.eye(6), (AHEAD, level), 1, 0.1)
     if track.gates and between is not None:
-        estimator.on_drift(mapper.update((sighting,), between).drift)
+        spare.estimator.on_drift(spare.mapper.update((sighting,), between).drift)
     gate = GateEstimate(gate_id, AHEAD, 0.0, 0.01 * np.eye(4), 9, 0.0)
     start = Motion(rest, rest, rest, rest, 0.0, 0.0)
     limits = Limits(config.race.v_max, config.race.a_max, config.vehicle.yaw_rate_max)
     request = PlanRequest(0.1, start, (gate,), 2.0 * AHEAD, limits)
-    trajectory = planner.plan(request)
-    planner.through(np.array([AHEAD]), request)
+    trajectory = spare.planner.plan(request)
+    spare.planner.through(np.array([AHEAD]), request)
     if state is not None and beyond is not None:
-        controller.command(0.015, state, trajectory)
-        expected_regions((gate,), state.position, state.orientation, camera, track.gate, config.detection)
+        spare.controller.command(0.015, state, trajectory)
+        expected_regions(
+            (gate,), state.position, state.orientation, config.camera.model(), track.gate, config.detection
+        )

@@ -36,10 +36,10 @@ LAND_SPEED = 0.7
 """m/s, MPC_LAND_SPEED."""
 REACHED = 0.15
 """m, below the takeoff height, where holding begins."""
-POSITION_ERROR, POSITION_ERROR_TIME = 0.03, 2.0
-"""m and s: standard deviation (1–5 cm measured) and correlation time of the estimate's error."""
-VELOCITY_ERROR, VELOCITY_ERROR_TIME = 0.07, 0.5
-"""m/s and s: standard deviation (2–13 cm/s measured) and correlation time."""
+ESTIMATE_ERROR = np.array((0.03, 0.03, 0.03, 0.07, 0.07, 0.07))
+"""m and m/s: standard deviation of the estimate's error (1–5 cm and 2–13 cm/s measured)."""
+ESTIMATE_ERROR_RATE = 1.0 / np.array((2.0, 2.0, 2.0, 0.5, 0.5, 0.5))
+"""1/s, inverse of its correlation time."""
 
 CLOSED_LOOP = (FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.LAND)
 
@@ -60,8 +60,7 @@ class SimAutopilot:
         self._controller = PositionController(self._thrust)
         self._detector = LandDetector(config.vehicle.hover_thrust)
         self._rng = np.random.default_rng([seed, 0xA9])
-        self._position_error = POSITION_ERROR * self._rng.standard_normal(3)
-        self._velocity_error = VELOCITY_ERROR * self._rng.standard_normal(3)
+        self._error = ESTIMATE_ERROR * self._rng.standard_normal(6)
         self._error_time = self._tick = self._began = plant.time
         self._next_status = plant.time
         self._mode = FlightMode.MANUAL
@@ -137,10 +136,12 @@ class SimAutopilot:
 
     def advance(self, until: float) -> None:
         """Let the vehicle fly on to ``until``; the plant's trace then holds all of it."""
-        self.plant.advance(min(until, self._next_event()))
-        while (event := self._next_event()) <= until:
+        event = self._next_event()
+        self.plant.advance(event if event < until else until)
+        while event <= until:
             self._act(event)
-            self.plant.advance(min(until, self._next_event()), extend=True)
+            event = self._next_event()
+            self.plant.advance(event if event < until else until, extend=True)
         if until >= self._next_status - 1e-9:
             self._publish()
 
@@ -246,13 +247,10 @@ class SimAutopilot:
         """Position and velocity (3,) as PX4 believes them: the truth and an Ornstein-Uhlenbeck error."""
         dt = max(now - self._error_time, 0.0)
         self._error_time = now
-        keep = math.exp(-dt / POSITION_ERROR_TIME)
-        noise = POSITION_ERROR * math.sqrt(1.0 - keep * keep) * self._rng.standard_normal(3)
-        self._position_error = keep * self._position_error + noise
-        keep = math.exp(-dt / VELOCITY_ERROR_TIME)
-        noise = VELOCITY_ERROR * math.sqrt(1.0 - keep * keep) * self._rng.standard_normal(3)
-        self._velocity_error = keep * self._velocity_error + noise
-        return self.plant.position + self._position_error, self.plant.velocity + self._velocity_error
+        keep = np.exp(-dt * ESTIMATE_ERROR_RATE)
+        noise = self._rng.standard_normal(6)
+        self._error = keep * self._error + ESTIMATE_ERROR * np.sqrt(1.0 - keep * keep) * noise
+        return self.plant.position + self._error[:3], self.plant.velocity + self._error[3:]
 
     def _publish(self) -> None:
         now = self._time()

@@ -76,17 +76,19 @@ def _sample(texels: NDArray[np.uint8], start: int, size: int, x: float, y: float
 
 
 @kernel
-def _descent_tables(height: float, pixel: float, levels: int) -> tuple[NDArray[np.int64], Vector]:
-    """Pyramid level and haze (0..1) for rays that descend by (i + ½)/`LEVEL_STEPS` per metre."""
+def _descent_tables(height: float, pixel: float, levels: int) -> tuple[NDArray[np.int64], Vector, Vector]:
+    """For rays that descend by (i + ½)/`LEVEL_STEPS` per metre: pyramid level, its texels per texel, haze (0..1)."""
     level = np.empty(LEVEL_STEPS, np.int64)
+    scale = np.empty(LEVEL_STEPS)
     haze = np.empty(LEVEL_STEPS)
     for i in range(LEVEL_STEPS):
         descent = (i + 0.5) / LEVEL_STEPS
         reach = height / descent
         footprint = pixel * reach / math.sqrt(descent)
         level[i] = min(max(round(math.log2(max(footprint / TEXEL, 1e-9))), 0), levels - 1)
+        scale[i] = 1.0 / (1 << level[i])
         haze[i] = 1.0 - math.exp(-reach / HAZE_RANGE)
-    return level, haze
+    return level, scale, haze
 
 
 @kernel
@@ -101,33 +103,32 @@ def paint_background(out: Image, rays: Image, ground: Ground, R_wc: Vector, cent
     for i in range(n):
         R = R_wc[i]
         height = max(centres[i, 2], 0.02)
-        level, haze = _descent_tables(height, pixel, levels)
+        level, scales, haze = _descent_tables(height, pixel, levels)
         x0, y0 = centres[i, 0] / TEXEL, centres[i, 1] / TEXEL
         for row in range(out.shape[0]):
             for column in range(out.shape[1]):
                 x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
                 rise = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
-                sky = ZENITH_SHADE + (HORIZON_SHADE - ZENITH_SHADE) * (1.0 - min(abs(rise), 1.0)) ** 2
-                cover = 0.5 - rise / pixel
+                cover = min(0.5 - rise / pixel, 1.0)
+                light = 0.0
+                if cover < 1.0:
+                    low = 1.0 - min(abs(rise), 1.0)
+                    light = ZENITH_SHADE + (HORIZON_SHADE - ZENITH_SHADE) * low * low
                 if cover > 0.0:
                     descent = max(-rise, 1e-3)
                     step = min(int(descent * LEVEL_STEPS), LEVEL_STEPS - 1)
-                    k = level[step]
-                    reach = height / (descent * TEXEL * (1 << k))
-                    wx = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
-                    wy = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
-                    half = 0.5 - 0.5 / (1 << k)
-                    scale = 1.0 / (1 << k)
+                    scale = scales[step]
+                    reach = scale * height / (descent * TEXEL)
                     shade = _sample(
                         ground.texels,
-                        ground.starts[k],
-                        TEXELS >> k,
-                        x0 * scale + reach * wx - half,
-                        y0 * scale + reach * wy - half,
+                        ground.starts[level[step]],
+                        TEXELS >> level[step],
+                        x0 * scale + reach * (R[0, 0] * x + R[0, 1] * y + R[0, 2] * z) - 0.5,
+                        y0 * scale + reach * (R[1, 0] * x + R[1, 1] * y + R[1, 2] * z) - 0.5,
                     )
                     shade += haze[step] * (HAZE_SHADE - shade)
-                    sky += min(cover, 1.0) * (shade - sky)
+                    light += cover * (shade - light)
                 if i == 0:
-                    out[row, column] = sky / n
+                    out[row, column] = light / n
                 else:
-                    out[row, column] += sky / n
+                    out[row, column] += light / n

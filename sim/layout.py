@@ -1,7 +1,8 @@
 """Where each quantity lies in the packed arrays that the compiled vehicle works on.
 
-`STATE` indices address the vehicle's whole memory, `P_` indices its constants, and the columns of a trace row
-are those of `TRACE`.
+One array is the vehicle's memory: its state, its constants, normal noise for the gusts and the history, one after
+the other (a kernel unpacks one array much faster than four). Indices are those of the state, `P_` indices those of
+the constants, and the columns of a trace row are those of `TRACE`.
 """
 
 # State: rigid body first, in the order of a trace row without its time.
@@ -47,11 +48,7 @@ QUEUE_TAIL = 60
 QUEUE = 61
 QUEUE_ROWS = 256
 QUEUE_COLUMNS = 5
-TRIAL = QUEUE + QUEUE_ROWS * QUEUE_COLUMNS
-"""Rigid-body state within a Runge-Kutta step."""
-SLOPES = TRIAL + 16
-"""Four slopes of the rigid-body state, each with the specific force behind it."""
-STATE_SIZE = SLOPES + 64
+STATE_SIZE = QUEUE + QUEUE_ROWS * QUEUE_COLUMNS
 
 # Constants.
 P_STEP = 0
@@ -101,3 +98,12 @@ CONSTANTS_SIZE = 68
 
 TRACE = 17
 """Columns of a trace row: time, position, quaternion, velocity, angular velocity, specific force (body)."""
+
+# Memory.
+CONSTANTS = STATE_SIZE
+"""Where the constants begin."""
+NOISE = CONSTANTS + CONSTANTS_SIZE
+"""Where the noise begins, three numbers for each step."""
+NOISE_ROWS = 4096
+HISTORY = NOISE + 3 * NOISE_ROWS
+"""Where the trace rows begin."""

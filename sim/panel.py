@@ -69,18 +69,16 @@ def classify(panel: Panel, s0: float, s1: float, t0: float, t1: float) -> int:
 
 
 @kernel
-def board_at(boards: Vector, s0: float, s1: float, t0: float, t1: float) -> int:
-    """The board that a rectangle touches; -1 for none. Boards are too far apart for two."""
+def boards_at(boards: Vector, s0: float, s1: float, t0: float, t1: float) -> tuple[int, int]:
+    """The boards that a rectangle may touch are those from .. to."""
+    first, last = 0, 0
     for b in range(boards.shape[0]):
         half = 0.5 * boards[b, 3]
-        if (
-            s1 > boards[b, 0] - half
-            and s0 < boards[b, 0] + half
-            and t1 > boards[b, 1] - half
-            and t0 < boards[b, 1] + half
-        ):
-            return b
-    return -1
+        cs, ct = boards[b, 0], boards[b, 1]
+        if s1 > cs - half and s0 < cs + half and t1 > ct - half and t0 < ct + half:
+            first = first if last > 0 else b
+            last = b + 1
+    return first, last
 
 
 @kernel
@@ -134,16 +132,21 @@ def leg_mean(
         if clear <= 0.0:
             continue
         white += clear
-        for corner in range(4):
-            x = ((s1 if corner & 1 else s0) - board.s) * scale + 0.5 * k
-            y = ((t1 if corner & 2 else t0) - board.t) * scale + 0.5 * k
-            x, y = min(max(x, 0.0), float(k)), min(max(y, 0.0), float(k))
-            c, r = min(int(x), k - 1), min(int(y), k - 1)
-            u, v = x - c, y - r
-            low = black[b, r, c] * (1.0 - u) + black[b, r, c + 1] * u
-            high = black[b, r + 1, c] * (1.0 - u) + black[b, r + 1, c + 1] * u
-            area = low * (1.0 - v) + high * v
-            dark += area if corner in (0, 3) else -area
+        x0 = min(max((s0 - board.s) * scale + 0.5 * k, 0.0), float(k))
+        x1 = min(max((s1 - board.s) * scale + 0.5 * k, 0.0), float(k))
+        y0 = min(max((t0 - board.t) * scale + 0.5 * k, 0.0), float(k))
+        y1 = min(max((t1 - board.t) * scale + 0.5 * k, 0.0), float(k))
+        if x0 == x1 or y0 == y1:
+            continue
+        c0, c1, r0, r1 = min(int(x0), k - 1), min(int(x1), k - 1), min(int(y0), k - 1), min(int(y1), k - 1)
+        u0, u1 = x0 - c0, x1 - c1
+        for edge in range(2):
+            r, v = (r1, y1 - r1) if edge else (r0, y0 - r0)
+            left = black[b, r, c0] * (1.0 - u0) + black[b, r, c0 + 1] * u0
+            left += v * (black[b, r + 1, c0] * (1.0 - u0) + black[b, r + 1, c0 + 1] * u0 - left)
+            right = black[b, r, c1] * (1.0 - u1) + black[b, r, c1 + 1] * u1
+            right += v * (black[b, r + 1, c1] * (1.0 - u1) + black[b, r + 1, c1 + 1] * u1 - right)
+            dark += right - left if edge else left - right
     light = panel.shade * cover + (board.white - panel.shade) * white
     light += (board.black - board.white) * dark / (scale * scale)
     share = 1.0 / (n * ws * wt)

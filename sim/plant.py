@@ -1,17 +1,21 @@
 """The simulated vehicle behind one object: commands in, motion out, and a short memory of it."""
 
+import math
 from collections.abc import Sequence
+from struct import Struct
 
 import numpy as np
 
 from flightapp.frames import Vector, quat_from_yaw
 from sim import layout as at
-from sim.dynamics import advance
+from sim.dynamics import advance, interpolate
 from sim.vehicles import FOOT_SAG, VehicleParameters
 
 MEMORY = 2048
 """Trace rows that are always kept."""
-NOISE_ROWS = 4096
+_COMMAND = Struct(f"{at.QUEUE_COLUMNS}d")
+_QUEUE = 8 * at.QUEUE
+"""Where the ring of commands begins, in bytes."""
 
 
 class Plant:
@@ -38,18 +42,27 @@ class Plant:
         bearing = self._rng.uniform(0.0, 2.0 * np.pi)
         self.mean_wind = wind * np.array([np.cos(bearing), np.sin(bearing), 0.0])
         self._start, self._step, self._rate, self._count = start, step, 1.0 / step, 0
-        self._constants = vehicle.constants(step, start, self.mean_wind, gust)
-        self._state = self._initial_state(position, yaw)
-        # Single numbers are read and written much faster through a memoryview.
-        self._cells = memoryview(self._state.data).cast("B").cast("d")
-        self._gusty = gust > 0.0
-        self._noise = self._rng.standard_normal((NOISE_ROWS if self._gusty else 1, 3))
-        self._noise_left = NOISE_ROWS
-        self._history = np.zeros((2 * MEMORY, at.TRACE))
+        self._allocate(2 * MEMORY)
+        self._constants[:] = vehicle.constants(step, start, self.mean_wind, gust)
+        self._state[:] = self._initial_state(position, yaw)
+        # Only gusts use noise up.
+        self._noise_left = 0.0 if gust > 0.0 else math.inf
+        self._tail = self._seen_head = 0
         self._history[0, 0] = start
         self._history[0, 1:] = self._state[: at.ROTORS]
         self._first = self._filled = 1
-        self._capacity = len(self._history)
+
+    def _allocate(self, rows: int) -> None:
+        """Make a memory with room for ``rows`` of history."""
+        memory = self._memory = np.zeros(at.HISTORY + rows * at.TRACE)
+        self._state = memory[: at.STATE_SIZE]
+        self._constants = memory[at.CONSTANTS : at.NOISE]
+        self._noise = memory[at.NOISE : at.HISTORY].reshape(-1, 3)
+        self._history = memory[at.HISTORY :].reshape(-1, at.TRACE)
+        # Single numbers are read and written much faster through a memoryview.
+        self._bytes = memoryview(memory.data).cast("B")
+        self._cells = self._bytes.cast("d")
+        self._capacity = rows
 
     def _initial_state(self, position: Sequence[float] | Vector, yaw: float) -> Vector:
         S = np.zeros(at.STATE_SIZE)
@@ -80,36 +93,36 @@ class Plant:
             return
         if self._filled + steps > self._capacity:
             self._make_room(steps)
-        if self._gusty:
+        if self._noise_left < steps:
             self._advance_in_gusts(steps)
         else:
-            advance(self._state, self._constants, self._noise, self._history, self._filled, steps)
+            advance(self._memory, self._filled, steps)
+            self._noise_left -= steps
         self._filled += steps
         self._count = target
 
     def _advance_in_gusts(self, steps: int) -> None:
+        """The steps for which there is not enough noise left."""
         row = self._filled
         while steps > 0:
-            n = min(steps, self._noise_ahead())
-            advance(self._state, self._constants, self._noise, self._history, row, n)
+            if self._noise_left <= 0.0:
+                self._noise[:] = self._rng.standard_normal(self._noise.shape)
+                self._noise_left = at.NOISE_ROWS
+                self._state[at.NOISE_ROW] = 0.0
+            n = min(steps, int(self._noise_left))
+            advance(self._memory, row, n)
             self._noise_left -= n
             row += n
             steps -= n
-
-    def _noise_ahead(self) -> int:
-        if self._noise_left <= 0:
-            self._rng.standard_normal(out=self._noise)
-            self._noise_left = NOISE_ROWS
-            self._state[at.NOISE_ROW] = 0.0
-        return self._noise_left
 
     def _make_room(self, steps: int) -> None:
         oldest = max(min(self._filled - MEMORY, self._first), 0)
         kept = self._history[oldest : self._filled].copy()
         needed = len(kept) + steps
-        if needed > len(self._history):
-            self._history = np.zeros((needed + MEMORY, at.TRACE))
-            self._capacity = len(self._history)
+        if needed > self._capacity:
+            before = self._memory
+            self._allocate(needed + MEMORY)
+            self._memory[: at.HISTORY] = before[: at.HISTORY]
         self._history[: len(kept)] = kept
         self._filled = len(kept)
         self._first -= oldest
@@ -124,27 +137,29 @@ class Plant:
         place = self._filled - 1 + (time - self.time) / self._step
         if not -1e-6 <= place < self._filled:
             raise ValueError(f"no state is kept for t = {time} s; the newest is for {self.time} s")
-        place = min(max(place, 0.0), self._filled - 1.0)
-        i = int(place)
-        a, b = self._history[i], self._history[min(i + 1, self._filled - 1)]
-        row = a + (place - i) * (b - a)
-        row[4:8] /= np.linalg.norm(row[4:8])
-        return np.asarray(row)
+        row = np.empty(at.TRACE)
+        interpolate(self._memory, min(max(place, 0.0), self._filled - 1.0), self._filled - 1, row)
+        return row
 
     def command(self, effective_time: float, rates_flu: Sequence[float] | Vector, thrust01: float) -> None:
         """From ``effective_time`` on, hold the body rates (3,) rad/s, FLU, at ``thrust01`` 0..1; motors turn.
 
         Commands that are still pending take effect in the order in which they were given.
         """
-        cells = self._cells
-        tail = int(cells[at.QUEUE_TAIL])
-        if tail - cells[at.QUEUE_HEAD] >= at.QUEUE_ROWS:
+        tail = self._tail
+        if tail - self._seen_head >= at.QUEUE_ROWS:
+            self._find_room()
+        p, q, r = rates_flu
+        throttle = 0.0 if thrust01 < 0.0 else 1.0 if thrust01 > 1.0 else thrust01
+        place = _QUEUE + tail % at.QUEUE_ROWS * _COMMAND.size
+        _COMMAND.pack_into(self._bytes, place, effective_time, p, q, r, throttle)
+        self._tail = tail + 1
+        self._cells[at.QUEUE_TAIL] = tail + 1.0
+
+    def _find_room(self) -> None:
+        self._seen_head = int(self._cells[at.QUEUE_HEAD])
+        if self._tail - self._seen_head >= at.QUEUE_ROWS:
             raise RuntimeError(f"more than {at.QUEUE_ROWS} commands are pending")
-        row = at.QUEUE + (tail % at.QUEUE_ROWS) * at.QUEUE_COLUMNS
-        cells[row] = effective_time
-        cells[row + 1], cells[row + 2], cells[row + 3] = rates_flu
-        cells[row + 4] = 0.0 if thrust01 < 0.0 else 1.0 if thrust01 > 1.0 else thrust01
-        cells[at.QUEUE_TAIL] = tail + 1.0
 
     def drop_pending(self) -> None:
         """Forget the commands that have not taken effect yet."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flightapp.frames import Vector
 from flightapp.jit import kernel
 from sim.ground import Image
-from sim.panel import EMPTY, FLAT, MIXED, NO_BOARD, Board, Panel, board_at, board_flat, classify, leg_mean
+from sim.panel import EMPTY, FLAT, MIXED, NO_BOARD, Board, Panel, board_flat, boards_at, classify, leg_mean
 from sim.scene import Boards, Quads
 
 TILE = 8
@@ -127,8 +127,8 @@ def _paint_tile(
 @kernel
 def _tile_content(
     rays: Image, y0: int, y1: int, x0: int, x1: int, panel: Panel, boards: Vector, black: Vector, H: Vector
-) -> tuple[int, float]:
-    """What a tile sees of the panel during the exposure: nothing, one brightness (given), or a mix."""
+) -> tuple[int, float, int, int]:
+    """What a tile sees of the panel during the exposure: nothing, one brightness, or a mix; that; boards from .. to."""
     low_s, high_s, low_t, high_t = math.inf, -math.inf, math.inf, -math.inf
     past = 0
     for corner in range(4):
@@ -144,16 +144,16 @@ def _tile_content(
             low_s, high_s = min(low_s, s), max(high_s, s)
             low_t, high_t = min(low_t, t), max(high_t, t)
     if past > 0:
-        return (EMPTY if past == 4 * H.shape[0] else MIXED), 0.0
+        return (EMPTY if past == 4 * H.shape[0] else MIXED), 0.0, 0, boards.shape[0]
     room = 0.5 * BOX / max(min(y1 - y0, x1 - x0) - 1, 1) + LENS_ROOM
     ps, pt = room * (high_s - low_s), room * (high_t - low_t)
     low_s, high_s, low_t, high_t = low_s - ps, high_s + ps, low_t - pt, high_t + pt
     kind = classify(panel, low_s, high_s, low_t, high_t)
-    b = board_at(boards, low_s, high_s, low_t, high_t)
-    if kind != FLAT or b < 0:
-        return kind, panel.shade
-    level = board_flat(boards, black, b, low_s, high_s, low_t, high_t)
-    return (FLAT if level >= 0.0 else MIXED), level
+    first, last = boards_at(boards, low_s, high_s, low_t, high_t)
+    if kind != FLAT or first == last:
+        return kind, panel.shade, first, last
+    level = board_flat(boards, black, first, low_s, high_s, low_t, high_t)
+    return (FLAT if level >= 0.0 else MIXED), level, first, last
 
 
 @kernel
@@ -206,14 +206,14 @@ def _paint_panel(
             if reach < math.pi and along < cones[row, column, 3] * cos_reach - cones[row, column, 4] * sin_reach:
                 continue
             x0, x1 = column * TILE, min((column + 1) * TILE, image.shape[1])
-            kind, shade = _tile_content(rays, y0, y1, x0, x1, panel, boards, black, H)
+            kind, shade, first, last = _tile_content(rays, y0, y1, x0, x1, panel, boards, black, H)
             if kind == FLAT:
                 for y in range(y0, y1):
                     for x in range(x0, x1):
                         image[y, x] = shade
             elif kind == MIXED:
                 _trace_tile(rays, y0, y1, x0, x1, H, path, width)
-                _paint_tile(image, y0, y1, x0, x1, panel, boards, black, path, width)
+                _paint_tile(image, y0, y1, x0, x1, panel, boards[first:last], black[first:last], path, width)
 
 
 @kernel

@@ -10,11 +10,11 @@ Rotors in PX4's order: front right, rear left (both counter-clockwise), front le
 
 import math
 
-import numpy as np
-
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import inlined, lean_kernel
 from sim import layout as at
+
+Quadruple = tuple[float, float, float, float]
 
 ROLL_SIGNS = (-1.0, 1.0, 1.0, -1.0)
 PITCH_SIGNS = (-1.0, 1.0, -1.0, 1.0)
@@ -26,32 +26,40 @@ YAW_MARGIN = 0.15
 """Share of the range by which yaw may overdrive the motors before thrust is lowered for it."""
 
 
-@kernel
-def _desaturating_gain(u: Vector, column: Vector, top: float) -> float:
-    """Multiple of ``column`` (4,) to add to ``u`` (4,) that balances what is below 0 and above ``top``."""
+@inlined
+def _desaturating_gain(S: Vector, column: Quadruple, top: float) -> float:
+    """Multiple of ``column`` to add to the signals that balances what is below 0 and above ``top``."""
     low = high = 0.0
     for i in range(4):
         if abs(column[i]) < 0.2:
             continue
-        k = (min(max(u[i], 0.0), top) - u[i]) / column[i]
+        u = S[at.SIGNALS + i]
+        k = (min(max(u, 0.0), top) - u) / column[i]
         low = min(low, k)
         high = max(high, k)
     return low + high
 
 
-@kernel
-def _desaturate(u: Vector, column: Vector, top: float, reduce_only: bool) -> None:
-    """Move ``u`` along ``column`` towards [0, ``top``], in a full and a half step."""
-    gain = _desaturating_gain(u, column, top)
+@inlined
+def _add(S: Vector, gain: float, column: Quadruple) -> None:
+    """Add ``gain`` times ``column`` to the signals."""
+    for i in range(4):
+        S[at.SIGNALS + i] += gain * column[i]
+
+
+@inlined
+def _desaturate(S: Vector, column: Quadruple, top: float, reduce_only: bool) -> None:
+    """Move the signals along ``column`` towards [0, ``top``], in a full and a half step."""
+    gain = _desaturating_gain(S, column, top)
     if reduce_only and gain > 0.0:
         return
-    u += gain * column
-    gain = _desaturating_gain(u, column, top)
+    _add(S, gain, column)
+    gain = _desaturating_gain(S, column, top)
     if not (reduce_only and gain > 0.0):
-        u += 0.5 * gain * column
+        _add(S, 0.5 * gain, column)
 
 
-@kernel
+@lean_kernel
 def allocate(S: Vector, P: Vector) -> None:
     """Thrusts 0..1 of the four rotors into ``S[SIGNALS]`` for the torque ``S[TORQUE]`` and collective ``S[THRUST]``."""
     a, b, c = P[at.P_MIX_ROLL] * S[at.TORQUE], P[at.P_MIX_PITCH] * S[at.TORQUE + 1], S[at.TORQUE + 2]
@@ -65,29 +73,26 @@ def allocate(S: Vector, P: Vector) -> None:
         )
         return
     S[k], S[k + 1], S[k + 2], S[k + 3] = thrust - a - b, thrust + a + b, thrust + a - b, thrust - a + b
-    _allocate_saturated(c, P[at.P_MIX_ROLL], P[at.P_MIX_PITCH], S[k : k + 4])
+    _allocate_saturated(S, c, P[at.P_MIX_ROLL], P[at.P_MIX_PITCH])
 
 
-@kernel
-def _allocate_saturated(yaw: float, mix_roll: float, mix_pitch: float, u: Vector) -> None:
-    """Fit ``u`` (4,), which has all but the yaw torque, into 0..1 and add as much of ``yaw`` as there is room for."""
-    columns = np.empty((4, 4))
-    for i in range(4):
-        columns[0, i] = mix_roll * ROLL_SIGNS[i]
-        columns[1, i] = mix_pitch * PITCH_SIGNS[i]
-        columns[2, i] = YAW_SIGNS[i]
-        columns[3, i] = 1.0
-    _desaturate(u, columns[3], 1.0, True)
-    _desaturate(u, columns[0], 1.0, False)
-    _desaturate(u, columns[1], 1.0, False)
-    u += yaw * columns[2]
-    _desaturate(u, columns[2], 1.0 + YAW_MARGIN, False)
-    _desaturate(u, columns[3], 1.0, True)
-    for i in range(4):
-        u[i] = min(max(u[i], 0.0), 1.0)
+@inlined
+def _allocate_saturated(S: Vector, yaw: float, mix_roll: float, mix_pitch: float) -> None:
+    """Fit the signals, which have all but the yaw torque, into 0..1 and add as much of ``yaw`` as there is room for."""
+    lift = (1.0, 1.0, 1.0, 1.0)
+    roll = (mix_roll * ROLL_SIGNS[0], mix_roll * ROLL_SIGNS[1], mix_roll * ROLL_SIGNS[2], mix_roll * ROLL_SIGNS[3])
+    a, b, c, d = PITCH_SIGNS
+    _desaturate(S, lift, 1.0, True)
+    _desaturate(S, roll, 1.0, False)
+    _desaturate(S, (mix_pitch * a, mix_pitch * b, mix_pitch * c, mix_pitch * d), 1.0, False)
+    _add(S, yaw, YAW_SIGNS)
+    _desaturate(S, YAW_SIGNS, 1.0 + YAW_MARGIN, False)
+    _desaturate(S, lift, 1.0, True)
+    for i in range(at.SIGNALS, at.SIGNALS + 4):
+        S[i] = min(max(S[i], 0.0), 1.0)
 
 
-@kernel
+@inlined
 def _shortfall(wanted: float, got: float) -> float:
     """Sign of the torque that could not be allocated, 0 where all was."""
     lacking = wanted - got
@@ -96,7 +101,7 @@ def _shortfall(wanted: float, got: float) -> float:
     return math.copysign(1.0, lacking)
 
 
-@kernel
+@inlined
 def _filter_gyro(S: Vector, P: Vector, axis: int) -> float:
     """The low-passed rate about ``axis``; also updates the filtered angular acceleration."""
     k, d = at.P_GYRO_FILTER, at.GYRO_DELAY + 2 * axis
@@ -110,7 +115,7 @@ def _filter_gyro(S: Vector, P: Vector, axis: int) -> float:
     return float(rate)
 
 
-@kernel
+@inlined
 def _torque(S: Vector, P: Vector, axis: int) -> float:
     """PID about ``axis``; the integral rests on the ground, as PX4's does while landed."""
     error = S[at.RATES + axis] - _filter_gyro(S, P, axis)
@@ -124,7 +129,7 @@ def _torque(S: Vector, P: Vector, axis: int) -> float:
     return float(torque)
 
 
-@kernel
+@inlined
 def _note_saturation(S: Vector, P: Vector) -> None:
     """Note for each axis the sign of the torque in ``S[TORQUE]`` that ``S[SIGNALS]`` leave undone."""
     a, b, c, d = S[at.SIGNALS], S[at.SIGNALS + 1], S[at.SIGNALS + 2], S[at.SIGNALS + 3]
@@ -133,15 +138,17 @@ def _note_saturation(S: Vector, P: Vector) -> None:
     S[at.SATURATED + 2] = _shortfall(4.0 * S[at.TORQUE + 2], c + d - a - b)
 
 
-@kernel
+@inlined
 def _rest(S: Vector) -> None:
     """Motors off: no signals, and nothing remembered of the flight."""
-    S[at.SIGNALS : at.SIGNALS + 4] = 0.0
-    S[at.INTEGRAL : at.INTEGRAL + 3] = 0.0
+    for i in range(4):
+        S[at.SIGNALS + i] = 0.0
+    for i in range(3):
+        S[at.INTEGRAL + i] = 0.0
     S[at.TORQUE + 2] = 0.0
 
 
-@kernel
+@inlined
 def rate_loop(S: Vector, P: Vector) -> None:
     """One run of the loop: from the rates and the setpoint in ``S`` to motor signals 0..1 (see `layout`)."""
     S[at.TORQUE] = _torque(S, P, 0)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import inlined, lean_kernel
 from flightapp.messages import Collision, GatePassage
 from flightapp.track import Track
 
@@ -48,7 +48,7 @@ class WrongPassage:
     """Against the direction of passage."""
 
 
-@kernel
+@inlined
 def _gap(box: Vector, x: float, y: float, z: float) -> float:
     """Distance (m) of a world point from a box (8,): centre, cos and sin of its yaw, half sizes."""
     dx, dy = x - box[0], y - box[1]
@@ -58,7 +58,7 @@ def _gap(box: Vector, x: float, y: float, z: float) -> float:
     return math.sqrt(a * a + b * b + c * c)
 
 
-@kernel
+@inlined
 def _crossing(gate: Vector, half: float, a: Vector, b: Vector) -> tuple[int, float, float]:
     """Whether the path from row ``a`` to row ``b`` goes through a gate (5,): x, y, z, cos, sin of its yaw.
 
@@ -79,7 +79,7 @@ def _crossing(gate: Vector, half: float, a: Vector, b: Vector) -> tuple[int, flo
     return 1 if forward else -1, s, math.hypot(left, up)
 
 
-@kernel
+@inlined
 def _gaps(boxes: Vector, owners: NDArray[np.int64], radius: float, a: Vector, b: Vector, gaps: Vector) -> None:
     """Least distance ``gaps`` (k,) in m of the path from row ``a`` to row ``b`` from each owner's boxes."""
     step = math.sqrt((b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2 + (b[3] - a[3]) ** 2)
@@ -95,7 +95,7 @@ def _gaps(boxes: Vector, owners: NDArray[np.int64], radius: float, a: Vector, b:
         gaps[owners[i]] = min(gaps[owners[i]], gap)
 
 
-@kernel
+@inlined
 def _note(events: Vector, kind: float, who: int, stamp: float, value: float) -> None:
     """Write one event behind those that ``events`` holds; its first number counts them."""
     n = int(events[0, 0]) + 1
@@ -103,7 +103,7 @@ def _note(events: Vector, kind: float, who: int, stamp: float, value: float) -> 
     events[n, 0], events[n, 1], events[n, 2], events[n, 3] = kind, who, stamp, value
 
 
-@kernel
+@inlined
 def _touch(
     gaps: Vector, radius: float, contact: NDArray[np.int64], a: Vector, b: Vector, speed: float, events: Vector
 ) -> None:
@@ -130,7 +130,7 @@ def _touch(
             _note(events, _HIT, gaps.size, b[0], speed)
 
 
-@kernel
+@lean_kernel
 def _judge(
     trace: Vector,
     last: Vector,
@@ -163,7 +163,8 @@ def _judge(
         speed = math.sqrt(last[8] ** 2 + last[9] ** 2 + last[10] ** 2)
         _gaps(boxes, owners, radius, last, row, gaps)
         _touch(gaps, radius, contact, last, row, speed, events)
-        last[:] = row[: last.size]
+        for k in range(last.size):
+            last[k] = row[k]
     return rows
 
 

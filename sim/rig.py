@@ -11,6 +11,7 @@ from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSo
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
 from flightapp.track import Track
+from flightapp.worker import ThreadWorker
 from sim.clock import RealtimeLoop, VirtualLoop
 from sim.corner_camera import CornerCamera
 from sim.render import Renderer
@@ -20,6 +21,9 @@ from sim.t265 import make_tracker
 from sim.world import World
 
 T = TypeVar("T")
+
+BACKLOG = 0.5
+"""s, older measurements that could not be delivered are lost, as from a real sensor."""
 
 
 class SimCamera:
@@ -47,10 +51,11 @@ class SimCamera:
             stamp = origin + sequence / self._config.rate
             await asyncio.sleep(max(stamp + max(self._config.latency, self._config.exposure) - loop.time(), 0.0))
             self._world.advance()
-            yield self._expose(stamp, sequence)
-            sequence += 1
+            yield self.expose(stamp, sequence)
+            sequence = max(sequence + 1, int((loop.time() - BACKLOG - origin) * self._config.rate))
 
-    def _expose(self, stamp: float, sequence: int) -> Frame:
+    def expose(self, stamp: float, sequence: int) -> Frame:
+        """What the camera sees with the middle of the exposure at a recent ``stamp``."""
         if isinstance(self._camera, CornerCamera):
             return Frame(stamp, sequence, None, self._camera.detect(stamp, self._world.pose_at))
         return Frame(stamp, sequence, self._camera.render(stamp, self._world.pose_at))
@@ -70,16 +75,15 @@ class SimTracker:
         count = 0
         while True:
             stamp = origin + count / self._tracker.rate
-            await asyncio.sleep(max(stamp - loop.time(), 0.0))
+            # The plant remembers the motion at the stamp, so that nothing need be done before the arrival.
+            await asyncio.sleep(max(stamp + self._tracker.next_latency - loop.time(), 0.0))
             self._world.advance()
             truth = self._world.state_at(stamp)
             self._world.truth.motion.publish(truth)
             measured = self._tracker.sample(truth)
             if measured is not None:
-                sample, arrival = measured
-                await asyncio.sleep(max(arrival - loop.time(), 0.0))
-                yield sample
-            count += 1
+                yield measured[0]
+            count = max(count + 1, int((loop.time() - BACKLOG - origin) * self._tracker.rate))
 
 
 class ModelledWorker:
@@ -96,6 +100,9 @@ class ModelledWorker:
             await asyncio.sleep(cost)
         return result
 
+    def close(self) -> None:
+        """Nothing to give back."""
+
 
 class SimRig:
     """A simulated drone in a simulated world, the same for the same ``seed``."""
@@ -104,12 +111,13 @@ class SimRig:
         seeds = np.random.SeedSequence(seed)
         world_seed, camera_seed, tracker_seed, survey_seed = seeds.spawn(4)
         loop = asyncio.get_running_loop()
+        _exercise(config, track)
         self._world = World(config, track, world_seed, loop.time)
         self._survey_seed = survey_seed
         self.autopilot: Autopilot = self._world.autopilot
         self.camera: FrameSource = SimCamera(config, track, _number(camera_seed), self._world)
         self.tracker: PoseSource = SimTracker(config, _number(tracker_seed), self._world)
-        self.worker: Worker = ModelledWorker(config)
+        self.worker: Worker = ModelledWorker(config) if isinstance(loop, VirtualLoop) else ThreadWorker()
         self.truth: GroundTruthFeed | None = self._world.truth
 
     @staticmethod
@@ -121,6 +129,17 @@ class SimRig:
         """``track`` as it is known before the flight."""
         self._world.announce()
         return survey(track, np.random.default_rng(self._survey_seed))
+
+
+def _exercise(config: Config, track: Track) -> None:
+    """Use everything that is compiled on first use once, in a world of its own, so that the flight need not wait."""
+    now = [0.0]
+    world = World(config, track, np.random.SeedSequence(0), lambda: now[0])
+    camera = SimCamera(config, track, 0, world)
+    now[0] = 0.1
+    world.advance()
+    camera.expose(0.05, 0)
+    make_tracker(config, 0).sample(world.state_at(0.05))
 
 
 def _number(seed: np.random.SeedSequence) -> int:

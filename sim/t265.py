@@ -21,10 +21,19 @@ from typing import Protocol
 import numpy as np
 
 from flightapp.config import Config
-from flightapp.frames import Vector, quat_from_rotvec, quat_from_yaw, quat_multiply, quat_normalize
+from flightapp.frames import Vector
+from flightapp.jit import inlined, lean_kernel
 from flightapp.messages import GroundTruth, PoseSample
 
 HIGH_CONFIDENCE = 3
+BLOCK = 256
+"""Samples whose noise is drawn at once."""
+NORMALS = 18
+
+# Memory of a T265: its state, the constants, and the truth of the last sample.
+_STAMP, _YAW, _DISTANCE, _TILT, _POSITION, _TRUE, _SCALE, _CLIMB = 0, 1, 2, 3, 5, 8, 11, 12
+_CLIMB_SPEED, _EXCITATION, _YAW_WALK, _POSITION_WALK, _TILT_TIME, _TILT_SIZE = 13, 14, 15, 16, 17, 18
+_POSITION_NOISE, _VELOCITY_NOISE, _ATTITUDE_NOISE, _RATE_NOISE, _SIZE = 19, 20, 21, 22, 23
 
 
 class Tracker(Protocol):
@@ -33,6 +42,11 @@ class Tracker(Protocol):
     @property
     def rate(self) -> float:
         """Samples per second."""
+        ...
+
+    @property
+    def next_latency(self) -> float:
+        """s from the capture of the next sample to its arrival."""
         ...
 
     def sample(self, truth: GroundTruth) -> tuple[PoseSample, float] | None:
@@ -86,6 +100,70 @@ class T265Errors:
     """s, least and greatest (6 ms from motion to output by the data sheet)."""
 
 
+@inlined
+def _move(m: Vector, stamp: float, position: Vector, climb_rate: float, noise: Vector) -> None:
+    """Integrate position and drift up to the true ``position`` (3,) at ``stamp``."""
+    dx, dy, dz = position[0] - m[_TRUE], position[1] - m[_TRUE + 1], position[2] - m[_TRUE + 2]
+    dt, length = stamp - m[_STAMP], math.sqrt(dx * dx + dy * dy + dz * dz)
+    root = math.sqrt(length)
+    m[_DISTANCE] += length
+    m[_YAW] += root * m[_YAW_WALK] * noise[0]
+    c, s = m[_SCALE] * math.cos(m[_YAW]), m[_SCALE] * math.sin(m[_YAW])
+    m[_POSITION] += c * dx - s * dy + root * m[_POSITION_WALK] * noise[1]
+    m[_POSITION + 1] += s * dx + c * dy + root * m[_POSITION_WALK] * noise[2]
+    m[_POSITION + 2] += m[_SCALE] * dz + root * m[_POSITION_WALK] * noise[3] + climb_rate * dt
+    keep = math.exp(-dt / m[_TILT_TIME])
+    spread = m[_TILT_SIZE] * math.sqrt(1.0 - keep * keep)
+    m[_TILT] = keep * m[_TILT] + spread * noise[4]
+    m[_TILT + 1] = keep * m[_TILT + 1] + spread * noise[5]
+
+
+@inlined
+def _turned(yaw: float, x: float, y: float, z: float, q: Vector, out: Vector) -> None:
+    """Unit quaternion yaw ⊗ exp(x, y, z) ⊗ ``q`` (4,) into ``out[3:7]``."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    k = math.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    w, x, y, z = math.cos(0.5 * angle), k * x, k * y, k * z
+    c, s = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
+    w, x, y, z = c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+    out[3] = w * q[0] - x * q[1] - y * q[2] - z * q[3]
+    out[4] = w * q[1] + x * q[0] + y * q[3] - z * q[2]
+    out[5] = w * q[2] - x * q[3] + y * q[0] + z * q[1]
+    out[6] = w * q[3] + x * q[2] - y * q[1] + z * q[0]
+    scale = 1.0 / math.sqrt(out[3] * out[3] + out[4] * out[4] + out[5] * out[5] + out[6] * out[6])
+    for i in range(3, 7):
+        out[i] *= scale
+
+
+@lean_kernel
+def _measure(
+    m: Vector, stamp: float, position: Vector, q: Vector, velocity: Vector, omega: Vector, noise: Vector, out: Vector
+) -> None:
+    """Move the tracker's memory ``m`` on to the true motion at ``stamp``, and measure that.
+
+    ``noise`` (18,) is standard normal; ``out`` (13,) takes position, quaternion, velocity and angular velocity.
+    """
+    vx, vy, vz = velocity[0], velocity[1], velocity[2]
+    speed = math.sqrt(vx * vx + vy * vy + vz * vz)
+    # Error of the vertical velocity.
+    climb_rate = -m[_CLIMB] * math.exp(-m[_DISTANCE] / m[_EXCITATION]) * speed * min(speed, m[_CLIMB_SPEED]) ** 2
+    if m[_STAMP] == -math.inf:
+        for i in range(3):
+            m[_POSITION + i] = position[i]
+    else:
+        _move(m, stamp, position, climb_rate, noise)
+    m[_STAMP] = stamp
+    c, s = m[_SCALE] * math.cos(m[_YAW]), m[_SCALE] * math.sin(m[_YAW])
+    out[7], out[8], out[9] = c * vx - s * vy, s * vx + c * vy, m[_SCALE] * vz + climb_rate
+    for i in range(3):
+        m[_TRUE + i] = position[i]
+        out[i] = m[_POSITION + i] + m[_POSITION_NOISE] * noise[9 + i]
+        out[7 + i] += m[_VELOCITY_NOISE] * noise[12 + i]
+        out[10 + i] = omega[i] + m[_RATE_NOISE] * noise[15 + i]
+    a = m[_ATTITUDE_NOISE]
+    _turned(m[_YAW], m[_TILT] + a * noise[6], m[_TILT + 1] + a * noise[7], a * noise[8], q, out)
+
+
 class T265:
     """The model with its state; one instance is one flight.
 
@@ -95,14 +173,24 @@ class T265:
     def __init__(self, seed: int | np.random.SeedSequence, errors: T265Errors | None = None) -> None:
         e = self._errors = errors or T265Errors()
         self._random = np.random.default_rng(seed)
-        self._scale = 1.0 + self._random.normal(e.scale_mean, e.scale)
-        self._climb = e.climb * self._random.normal(1.0, e.climb_spread)
-        self._tilt = self._random.normal(0.0, e.tilt, 2)
-        self._yaw = 0.0
-        self._distance = 0.0
+        m = self._memory = np.zeros(_SIZE)
+        m[_STAMP] = -math.inf
+        m[_SCALE] = 1.0 + self._random.normal(e.scale_mean, e.scale)
+        m[_CLIMB] = e.climb * self._random.normal(1.0, e.climb_spread)
+        m[_TILT : _TILT + 2] = self._random.normal(0.0, e.tilt, 2)
+        m[_CLIMB_SPEED], m[_EXCITATION], m[_YAW_WALK] = e.climb_speed, e.excitation, e.yaw_walk
+        m[_POSITION_WALK], m[_TILT_TIME], m[_TILT_SIZE] = e.position_walk, e.tilt_time, e.tilt
+        m[_POSITION_NOISE], m[_VELOCITY_NOISE] = e.position_noise, e.velocity_noise
+        m[_ATTITUDE_NOISE], m[_RATE_NOISE] = e.attitude_noise, e.rate_noise
         self._lost = 0
-        self._true: GroundTruth | None = None
-        self._position = np.zeros(3)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Draw the next block of noise, latencies and chances of loss."""
+        self._noise = self._random.standard_normal((BLOCK, NORMALS))
+        self._latencies: list[float] = self._random.uniform(*self._errors.latency, BLOCK).tolist()
+        self._chances: list[float] = self._random.random(BLOCK).tolist()
+        self._next = 0
 
     @property
     def rate(self) -> float:
@@ -114,63 +202,31 @@ class T265:
         """Mean time from capture to arrival, s."""
         return 0.5 * sum(self._errors.latency)
 
+    @property
+    def next_latency(self) -> float:
+        """s from the capture of the next sample to its arrival."""
+        return self._latencies[self._next]
+
     def sample(self, truth: GroundTruth) -> tuple[PoseSample, float] | None:
         """What is measured of ``truth`` (stamps ascending) and the stamp of its arrival; None where lost."""
-        noise = self._random.standard_normal(18)
-        chance = self._random.random(2)
-        climb_rate = self._advance(truth, noise[0:6])
-        measured = self._measure(truth, climb_rate, noise[6:18])
-        least, greatest = self._errors.latency
-        arrival = truth.stamp + least + (greatest - least) * float(chance[0])
-        return None if self._is_lost(chance[1]) else (measured, arrival)
-
-    def _climb_rate(self, truth: GroundTruth) -> float:
-        """Error of the vertical velocity, m/s."""
-        e = self._errors
-        speed = math.hypot(*truth.velocity.tolist())
-        fading = math.exp(-self._distance / e.excitation)
-        return -self._climb * fading * speed * min(speed, e.climb_speed) ** 2
-
-    def _advance(self, truth: GroundTruth, noise: Vector) -> float:
-        """Integrate position and drift up to ``truth``; returns the error of the vertical velocity, m/s."""
-        e, before = self._errors, self._true
-        self._true = truth
-        climb_rate = self._climb_rate(truth)
-        if before is None:
-            self._position = truth.position.copy()
-            return climb_rate
-        dt = truth.stamp - before.stamp
-        step = truth.position - before.position
-        length = math.hypot(*step.tolist())
-        self._distance += length
-        self._yaw += math.sqrt(length) * e.yaw_walk * float(noise[0])
-        self._position = self._position + self._turned(self._scale * step)
-        self._position += math.sqrt(length) * e.position_walk * noise[1:4]
-        self._position[2] += climb_rate * dt
-        keep = math.exp(-dt / e.tilt_time)
-        self._tilt = keep * self._tilt + e.tilt * math.sqrt(1.0 - keep * keep) * noise[4:6]
-        return climb_rate
-
-    def _turned(self, v: Vector) -> Vector:
-        c, s = math.cos(self._yaw), math.sin(self._yaw)
-        x, y, z = v.tolist()
-        return np.array((c * x - s * y, s * x + c * y, z))
-
-    def _measure(self, truth: GroundTruth, climb_rate: float, noise: Vector) -> PoseSample:
-        e = self._errors
-        turn = e.attitude_noise * noise[0:3]
-        turn[:2] += self._tilt
-        off = quat_multiply(quat_from_yaw(self._yaw), quat_from_rotvec(turn))
-        velocity = self._turned(self._scale * truth.velocity)
-        velocity[2] += climb_rate
-        return PoseSample(
-            stamp=truth.stamp,
-            position=self._position + e.position_noise * noise[3:6],
-            orientation=quat_normalize(quat_multiply(off, truth.orientation)),
-            velocity=velocity + e.velocity_noise * noise[6:9],
-            angular_velocity=truth.angular_velocity + e.rate_noise * noise[9:12],
-            confidence=HIGH_CONFIDENCE,
+        i, stamp, out = self._next, truth.stamp, np.empty(13)
+        _measure(
+            self._memory,
+            stamp,
+            truth.position,
+            truth.orientation,
+            truth.velocity,
+            truth.angular_velocity,
+            self._noise[i],
+            out,
         )
+        arrival, lost = stamp + self._latencies[i], self._is_lost(self._chances[i])
+        self._next = i + 1
+        if self._next == BLOCK:
+            self._draw()
+        if lost:
+            return None
+        return PoseSample(stamp, out[0:3], out[3:7], out[7:10], out[10:13], HIGH_CONFIDENCE), arrival
 
     def _is_lost(self, chance: float) -> bool:
         if self._lost == 0 and chance < self._errors.loss:
@@ -187,6 +243,11 @@ class IdealTracker:
     def rate(self) -> float:
         """Samples per second."""
         return 200.0
+
+    @property
+    def next_latency(self) -> float:
+        """s from capture to arrival: none."""
+        return 0.0
 
     def sample(self, truth: GroundTruth) -> tuple[PoseSample, float] | None:
         """``truth`` itself, which arrives at its own stamp."""

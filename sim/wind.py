@@ -8,8 +8,9 @@ leaves out; lengths and variances are the same.)
 
 import math
 
-from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import lean_kernel
+
+Triple = tuple[float, float, float]
 
 FOOT = 0.3048
 HEIGHT_MIN = 10.0
@@ -19,38 +20,39 @@ SPEED_MIN = 1.0
 """m/s: eddies move past a vehicle that hovers in still air at about the speed of the gusts themselves."""
 
 
-@kernel
+@lean_kernel
 def length_horizontal(height: float) -> float:
     """Correlation length of the horizontal gusts, m, ``height`` m above the ground."""
     h = min(max(height / FOOT, HEIGHT_MIN), HEIGHT_MAX)
     return float(FOOT * h / (0.177 + 0.000823 * h) ** 1.2)
 
 
-@kernel
+@lean_kernel
 def length_vertical(height: float) -> float:
     """Correlation length of the vertical gusts, m, ``height`` m above the ground."""
     return FOOT * min(max(height / FOOT, HEIGHT_MIN), HEIGHT_MAX)
 
 
-@kernel
+@lean_kernel
 def vertical_ratio(height: float) -> float:
     """Vertical over horizontal standard deviation, ``height`` m above the ground."""
     h = min(max(height / FOOT, HEIGHT_MIN), HEIGHT_MAX)
     return float((0.177 + 0.000823 * h) ** 0.4)
 
 
-@kernel
-def update_gust(gust: Vector, sigma: float, airspeed: float, height: float, noise: Vector, step: float) -> None:
-    """Move ``gust`` (3,) m/s, world, on by ``step`` s.
+@lean_kernel
+def update_gust(gust: Triple, sigma: float, airspeed: float, height: float, noise: Triple, step: float) -> Triple:
+    """``gust`` in m/s, world, moved on by ``step`` s.
 
-    ``sigma`` m/s is the horizontal standard deviation and ``noise`` (3,) standard normal. The update is the
-    exact discretisation of the filter, so the variance does not depend on the step.
+    ``sigma`` m/s is the horizontal standard deviation and ``noise`` standard normal. The update is the exact
+    discretisation of the filter, so the variance does not depend on the step.
     """
     speed = max(airspeed, SPEED_MIN)
-    keep = math.exp(-step * speed / length_horizontal(height))
+    ratio = vertical_ratio(height)
+    length = length_vertical(height)
+    # The horizontal length is the vertical one over ratio³.
+    keep = math.exp(-step * speed * ratio * ratio * ratio / length)
     spread = sigma * math.sqrt(1.0 - keep * keep)
-    gust[0] = keep * gust[0] + spread * noise[0]
-    gust[1] = keep * gust[1] + spread * noise[1]
-    keep = math.exp(-step * speed / length_vertical(height))
-    spread = sigma * vertical_ratio(height) * math.sqrt(1.0 - keep * keep)
-    gust[2] = keep * gust[2] + spread * noise[2]
+    x, y = keep * gust[0] + spread * noise[0], keep * gust[1] + spread * noise[1]
+    keep = math.exp(-step * speed / length)
+    return x, y, keep * gust[2] + sigma * ratio * math.sqrt(1.0 - keep * keep) * noise[2]

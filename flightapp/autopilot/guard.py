@@ -14,6 +14,9 @@ import numpy as np
 from flightapp.config import Config
 from flightapp.messages import AutopilotStatus, FlightMode, RateCommand
 
+_OFFBOARD = FlightMode.OFFBOARD
+"""Looking a member up in its enumeration takes longer than all else that is asked of the mode."""
+
 
 class Refusal(StrEnum):
     """Why a command was not passed on."""
@@ -50,7 +53,8 @@ class CommandGuard:
         vehicle = config.vehicle
         self._rate_max, self._yaw_rate_max = vehicle.rate_max, vehicle.yaw_rate_max
         self._thrust_max = vehicle.thrust_max
-        self._guard = config.guard
+        self._late, self._thrust_min = config.guard.late, config.guard.thrust_min
+        self._rate_slew, self._thrust_slew = config.guard.rate_slew, config.guard.thrust_slew
         self._last: tuple[float, tuple[float, float, float, float]] | None = None
         self._engaged = False
         self._was_armed = False
@@ -88,13 +92,13 @@ class CommandGuard:
             self._follow(status)
             wanted = _numbers(command)
             age = now - command.stamp
-            if not abs(age) <= self._guard.late:
-                raise GuardTrippedError(Refusal.STALE, f"{age:.3f} s old, at most {self._guard.late:g} s")
+            if not abs(age) <= self._late:
+                raise GuardTrippedError(Refusal.STALE, f"{age:.3f} s old, at most {self._late:g} s")
         except GuardTrippedError:
             self._refused += 1
             raise
         flying = status is not None and status.armed and not status.landed
-        safe = self._bounded(wanted, now, self._guard.thrust_min if flying else 0.0)
+        safe = self._bounded(wanted, now, self._thrust_min if flying else 0.0)
         self._last = (now, safe)
         self._passed += 1
         if safe == wanted:
@@ -108,14 +112,15 @@ class CommandGuard:
             raise GuardTrippedError(Refusal.TAKEN_OVER, self._taken_over)
         if status is None:
             raise GuardTrippedError(Refusal.NO_STATUS, "no status has come yet")
-        if self._engaged and status.mode is not FlightMode.OFFBOARD:
+        offboard = status.mode is _OFFBOARD
+        if self._engaged and not offboard:
             self._taken_over = f"mode {status.mode} while commands were followed"
         elif self._engaged and self._was_armed and not status.armed:
             self._taken_over = "disarmed while commands were followed"
         if self._taken_over:
             raise GuardTrippedError(Refusal.TAKEN_OVER, self._taken_over)
-        self._engaged = status.mode is FlightMode.OFFBOARD
-        self._was_armed = self._engaged and status.armed
+        self._engaged = offboard
+        self._was_armed = offboard and status.armed
 
     def _bounded(
         self, wanted: tuple[float, float, float, float], now: float, thrust_min: float
@@ -125,16 +130,15 @@ class CommandGuard:
         if self._last is not None:
             sent, (x0, y0, z0, thrust0) = self._last
             elapsed = max(now - sent, 0.0)
-            turn, lift = elapsed * self._guard.rate_slew, elapsed * self._guard.thrust_slew
-            x, y, z = _clamp(x, x0 - turn, x0 + turn), _clamp(y, y0 - turn, y0 + turn), _clamp(z, z0 - turn, z0 + turn)
-            thrust = _clamp(thrust, thrust0 - lift, thrust0 + lift)
+            turn, lift = elapsed * self._rate_slew, elapsed * self._thrust_slew
+            if abs(x - x0) > turn or abs(y - y0) > turn or abs(z - z0) > turn:
+                x, y, z = (_clamp(v, v0 - turn, v0 + turn) for v, v0 in ((x, x0), (y, y0), (z, z0)))
+            if abs(thrust - thrust0) > lift:
+                thrust = _clamp(thrust, thrust0 - lift, thrust0 + lift)
         most, yaw_most = self._rate_max, self._yaw_rate_max
-        return (
-            _clamp(x, -most, most),
-            _clamp(y, -most, most),
-            _clamp(z, -yaw_most, yaw_most),
-            _clamp(thrust, thrust_min, self._thrust_max),
-        )
+        if abs(x) > most or abs(y) > most or abs(z) > yaw_most:
+            x, y, z = _clamp(x, -most, most), _clamp(y, -most, most), _clamp(z, -yaw_most, yaw_most)
+        return x, y, z, _clamp(thrust, thrust_min, self._thrust_max)
 
 
 def _clamp(value: float, low: float, high: float) -> float:

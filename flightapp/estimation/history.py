@@ -1,5 +1,6 @@
 """The tracker's recent poses, to be asked for the pose at the exposure of an image."""
 
+import math
 from collections import deque
 
 import numpy as np
@@ -12,7 +13,7 @@ from flightapp.frames import (
     quat_normalize,
     quat_to_rotvec,
 )
-from flightapp.jit import kernel
+from flightapp.jit import assign, kernel
 from flightapp.messages import PoseSample
 
 _FIELDS = 13
@@ -37,24 +38,21 @@ def _between(a: Vector, b: Vector, dt: float, fraction: float, out: Vector) -> N
     for i in range(3, 9):
         out[i] = a[i] + s * (b[i] - a[i])
     turn = quat_to_rotvec(quat_multiply(quat_conjugate(a[9:13]), b[9:13]))
-    out[9:13] = quat_normalize(quat_multiply(a[9:13], quat_from_rotvec(s * turn)))
+    assign(out[9:13], quat_normalize(quat_multiply(a[9:13], quat_from_rotvec(s * turn))))
 
 
 @kernel
 def _beyond(a: Vector, dt: float, out: Vector) -> None:
     """Pose ``dt`` seconds after ``a`` (13,) with its velocities held, into ``out`` (13,)."""
-    out[:] = a
+    assign(out, a)
     for i in range(3):
         out[i] = a[i] + dt * a[3 + i]
-    out[9:13] = quat_normalize(quat_multiply(a[9:13], quat_from_rotvec(dt * a[6:9])))
+    assign(out[9:13], quat_normalize(quat_multiply(a[9:13], quat_from_rotvec(dt * a[6:9]))))
 
 
-def _packed(sample: PoseSample) -> Vector:
-    row = np.empty(_FIELDS)
-    row[0:3] = sample.position
-    row[3:6] = sample.velocity
-    row[6:9] = sample.angular_velocity
-    row[9:13] = sample.orientation
+def _packed(sample: PoseSample) -> list[float]:
+    position, velocity = sample.position.tolist(), sample.velocity.tolist()
+    row: list[float] = position + velocity + sample.angular_velocity.tolist() + sample.orientation.tolist()
     return row
 
 
@@ -69,21 +67,21 @@ class PoseHistory:
         self._span = span
         self._reach = reach
         self._max_gap = max_gap
-        self._rows: deque[tuple[float, int, Vector]] = deque()
+        self._rows: deque[tuple[float, int, list[float]]] = deque()
 
     def __len__(self) -> int:
         return len(self._rows)
 
     def add(self, sample: PoseSample) -> bool:
         """Take ``sample`` over; False where it is not finite or not newer than the newest."""
-        row = _packed(sample)
-        if not (np.isfinite(sample.stamp) and np.isfinite(row).all()):
+        row, rows, stamp = _packed(sample), self._rows, sample.stamp
+        if not (math.isfinite(stamp) and all(map(math.isfinite, row))):
             return False
-        if self._rows and sample.stamp <= self._rows[-1][0]:
+        if rows and stamp <= rows[-1][0]:
             return False
-        self._rows.append((sample.stamp, sample.confidence, row))
-        while self._rows[0][0] < sample.stamp - self._span:
-            self._rows.popleft()
+        rows.append((stamp, sample.confidence, row))
+        while rows[0][0] < stamp - self._span:
+            rows.popleft()
         return True
 
     def at(self, stamp: float) -> PoseSample | None:
@@ -93,7 +91,7 @@ class PoseHistory:
         out = np.empty(_FIELDS)
         later_stamp, later_confidence, later = self._rows[-1]
         if stamp >= later_stamp:
-            _beyond(later, stamp - later_stamp, out)
+            _beyond(np.array(later), stamp - later_stamp, out)
             return _unpacked(stamp, out, later_confidence)
         for earlier_stamp, confidence, earlier in reversed(self._rows):
             if earlier_stamp <= stamp:
@@ -102,7 +100,7 @@ class PoseHistory:
         dt = later_stamp - earlier_stamp
         if dt > self._max_gap:
             return None
-        _between(earlier, later, dt, (stamp - earlier_stamp) / dt, out)
+        _between(np.array(earlier), np.array(later), dt, (stamp - earlier_stamp) / dt, out)
         return _unpacked(stamp, out, min(confidence, later_confidence))
 
 

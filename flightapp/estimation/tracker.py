@@ -7,7 +7,7 @@ import numpy as np
 
 from flightapp.config import Config
 from flightapp.frames import Vector, quat_from_yaw, quat_multiply, quat_rotate, quat_rotate_inverse, wrap_angle
-from flightapp.jit import kernel
+from flightapp.jit import assign, kernel
 from flightapp.messages import Drift, PoseSample, VehicleState
 
 NORM_TOLERANCE = 1e-3
@@ -119,7 +119,7 @@ def _compose(sample: Vector, drift: Vector, drift_covariance: Vector, noise: Vec
         out[i] = arm[i] + drift[i]
         out[7 + i] = velocity[i]
         out[10 + i] = sample[11 + i]
-    out[3:7] = q_wb
+    assign(out[3:7], q_wb)
     G = np.zeros((9, 4))
     for i in range(3):
         G[i, i] = 1.0
@@ -153,7 +153,7 @@ def _advance(work: Vector, out: Vector) -> int:
     if memory[_STARTED] > 0.0:
         _blend(memory, sample[0] - memory[_STAMP], blend)
     else:
-        memory[_DRIFT : _DRIFT + 4] = memory[_GOAL : _GOAL + 4]
+        assign(memory[_DRIFT : _DRIFT + 4], memory[_GOAL : _GOAL + 4])
         memory[_STARTED] = 1.0
     _remember(memory, _STAMP, sample)
     covariance = work[_COVARIANCE:_SETTINGS].reshape(4, 4)

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from flightapp.frames import Vector, quat_multiply, quat_rotate, quat_to_matrix, wrap_angle
-from flightapp.jit import kernel
+from flightapp.jit import assign, kernel
 
 ITERATIONS = 3
 LEAN = 0.05
@@ -61,12 +61,14 @@ def measure(pose: Vector, sighting: Vector, errors: Vector, inflation: float, z:
     R_ob = quat_to_matrix(pose[3:7])
     r = quat_rotate(pose[3:7], sighting[0:3])
     R_og = quat_to_matrix(quat_multiply(pose[3:7], sighting[3:7]))
-    z[0:3] = pose[0:3] + r
+    for i in range(3):
+        z[i] = pose[i] + r[i]
     z[3] = math.atan2(R_og[1, 0], R_og[0, 0])
     C = sighting[7:43].reshape(6, 6)
     G = np.zeros((4, 6))
-    G[0:3, 0:3] = R_ob
-    G[3, 3:6] = R_og[2]
+    for i in range(3):
+        assign(G[i, 0:3], R_ob[i])
+    assign(G[3, 3:6], R_og[2])
     for i in range(4):
         for j in range(4):
             R[i, j] = 0.0
@@ -193,7 +195,7 @@ def correct(x: Vector, P: Vector, at: int, z: Vector, R: Vector, floors: Vector)
         _linearise(x, at, h, H)
         _gain_terms(P, at, H, R, W, S)
         if not _factor(S):
-            x[:] = prior
+            assign(x, prior)
             return False
         nu = z - h
         nu[3] = wrap_angle(nu[3])
@@ -244,8 +246,8 @@ def sight(
         other_fit = distance(x, P, at, other_z, other_R)
         unsure = abs(other_fit + other_lean - fit - lean) < ambiguity
         if other_fit + other_lean < fit + lean:
-            z[:] = other_z
-            R[:] = other_R
+            assign(z, other_z)
+            assign(R.reshape(16), other_R.reshape(16))
             fit = other_fit
     if unsure:
         R[3, :] = 0.0

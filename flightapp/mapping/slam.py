@@ -75,7 +75,7 @@ class SlamMapper:
         What is not finite, has an impossible covariance or is of a gate not on the track is ignored.
         """
         row = np.concatenate((pose.position, pose.orientation, pose.velocity, pose.angular_velocity), dtype=float)
-        if np.isfinite(row).all() and math.isfinite(pose.stamp):
+        if math.isfinite(pose.stamp) and all(map(math.isfinite, row.tolist())):
             self._predict(pose, row)
             changed = [self._use(sighting, row, pose.stamp) for sighting in sightings]
             self._version += any(changed)
@@ -83,47 +83,45 @@ class SlamMapper:
 
     def snapshot(self, stamp: float) -> GateMap:
         """The map as it stands, without new sightings, stamped ``stamp``."""
-        x, P = self._x, self._P
+        x = self._x.copy()
+        yaws = x[3::4].tolist()
+        blocks = np.arange(len(yaws))
+        covariances = self._P.reshape(len(yaws), 4, len(yaws), 4)[blocks, :, blocks]
         gates = tuple(
-            GateEstimate(
-                gate_id,
-                x[a : a + 3].copy(),
-                float(x[a + 3]),
-                P[a : a + 4, a : a + 4].copy(),
-                self._sightings[i],
-                self._last_seen[i],
+            GateEstimate(gate_id, x[4 * i : 4 * i + 3], yaws[i], covariances[i], sightings, last_seen)
+            for i, (gate_id, sightings, last_seen) in enumerate(
+                zip(self._ids, self._sightings, self._last_seen, strict=True), start=1
             )
-            for i, (gate_id, a) in enumerate(zip(self._ids, range(4, x.size, 4), strict=True))
         )
-        drift = Drift(self._stamp, x[0:3].copy(), float(x[3]), P[0:4, 0:4].copy())
-        return GateMap(stamp, self._version, gates, drift)
+        return GateMap(stamp, self._version, gates, Drift(self._stamp, x[0:3], yaws[0], covariances[0]))
 
     def _predict(self, pose: PoseSample, row: Vector) -> None:
         dt = pose.stamp - self._stamp
         if dt <= 0.0:
             return
         m = self._config
-        across = math.hypot(m.drift_rate, m.drift_speed * float(np.linalg.norm(row[7:10])))
-        up = math.hypot(m.drift_rate, m.drift_speed_vertical * float(np.linalg.norm(row[7:10])))
+        speed = math.hypot(*row[7:10].tolist())
+        across = math.hypot(m.drift_rate, m.drift_speed * speed)
+        up = math.hypot(m.drift_rate, m.drift_speed_vertical * speed)
         rates = np.array((across, across, up, m.drift_yaw_rate))
-        predict(self._x, self._P, row[0:3], dt, rates, self._unexplained(pose, row))
+        predict(self._x, self._P, row[0:3], dt, rates, self._unexplained(pose, row, speed))
         self._stamp = pose.stamp
         self._last_pose = pose
 
-    def _unexplained(self, pose: PoseSample, row: Vector) -> float:
+    def _unexplained(self, pose: PoseSample, row: Vector, speed: float) -> float:
         """Metres of the way since the last pose that the speed doesn't explain: the tracker relocalised."""
         last = self._last_pose
         if last is None:
             return 0.0
-        speed = max(float(np.linalg.norm(row[7:10])), float(np.linalg.norm(last.velocity)))
-        way = float(np.linalg.norm(row[0:3] - last.position))
+        speed = max(speed, math.hypot(*last.velocity.tolist()))
+        way = math.dist(row[0:3].tolist(), last.position.tolist())
         return way if way > self._max_jump + speed * (pose.stamp - last.stamp) else 0.0
 
     def _use(self, sighting: GateSighting, pose: Vector, stamp: float) -> bool:
         """Correct the state with one sighting; whether anything changed."""
         i = self._index.get(sighting.gate_id)
         hypotheses = _hypotheses(sighting)
-        if i is None or not np.isfinite(hypotheses).all():
+        if i is None or not all(map(math.isfinite, hypotheses.flat)):
             return False
         m = self._config
         since = max(stamp - self._last_seen[i], 1e-3)
@@ -153,7 +151,7 @@ class SlamMapper:
         c, s = math.cos(self._x[3]), math.sin(self._x[3])
         zx, zy, zz = self._z[:3]
         seen = self._x[0:3] + np.array((c * zx - s * zy, s * zx + c * zy, zz))
-        agrees = float(np.linalg.norm(seen - self._refused_at[i])) < MOVED_RADIUS
+        agrees = math.dist(seen.tolist(), self._refused_at[i].tolist()) < MOVED_RADIUS
         self._refused[i] = self._refused[i] + 1 if agrees else 1
         self._refused_at[i] = seen
         if self._refused[i] < self._config.moved_after:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import assign, kernel
 
 Image = NDArray[np.uint8]
 
@@ -128,5 +128,5 @@ def refine_corners(image: Image, corners: Vector, modules: int) -> Vector:
             module = math.sqrt(((corners[m, side] - corners[m, (side + 1) % 4]) ** 2).sum()) / modules
             good = good and moved < module + 2.0
         if good:
-            refined[m] = quad
+            assign(refined[m].reshape(8), quad.reshape(8))
     return refined

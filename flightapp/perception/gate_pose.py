@@ -1,30 +1,24 @@
 """The pose of a gate from all of its visible markers together.
 
-Two candidate poses come from T. Collins and A. Bartoli, "Infinitesimal Plane-Based Pose Estimation" (IJCV
-2014), in a virtual pinhole camera that looks at the markers, so that it works at any angle from the optical
-axis; `refinement` then minimises the reprojection error of each. A plane seen nearly face on, or small, leaves
-both poses likely: the less likely one is handed on as the alternative unless a likelihood ratio rules it out.
+`planar` gives two candidate poses and `refinement` minimises the reprojection error of each. A plane seen nearly
+face on, or small, leaves both poses likely: the less likely one is handed on as the alternative unless a
+likelihood ratio rules it out.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from flightapp.config import Config
 from flightapp.frames import Vector, quat_from_matrix
+from flightapp.jit import assign, kernel
 from flightapp.messages import GateSighting, MarkerDetection
 from flightapp.perception.camera import CameraModel
+from flightapp.perception.linear import factor, substitute
+from flightapp.perception.planar import gate_candidates
 from flightapp.perception.refinement import corner_weights, refine_pose
 from flightapp.track import Track
-
-R_GATE_PLANE: Vector = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""Axes of the marker plane as IPPE wants them (right, up, towards the viewer), in the gate frame."""
-
-LEAST_COSINE = 0.05
-"""Rays further than 87° from the middle of the markers cannot be seen by the virtual camera."""
 
 LIKELIHOOD_RATIO = 9.0
 """The alternative is dropped when its squared error, over the noise's variance, is larger by this (3 sigma)."""
@@ -38,40 +32,120 @@ SUSPECT = 3.0
 IMPROVEMENT = 0.5
 """Leaving a marker out must reduce the RMS reprojection to this fraction to be believed."""
 
-
-@dataclass(frozen=True, slots=True)
-class _Corners:
-    """Corners of one gate: where they are on it, and where they are seen."""
-
-    points: Vector
-    """(n, 3) m, gate frame."""
-    rays: Vector
-    """(n, 3) unit, camera frame."""
-    weights: Vector
-    """(n, 2, 3) pixels per unit of the plane across the ray."""
-
-    def without(self, marker: int) -> "_Corners":
-        """All corners but those of the ``marker``-th one."""
-        keep = np.arange(len(self.points)) // 4 != marker
-        return _Corners(self.points[keep], self.rays[keep], self.weights[keep])
+# A fit: R_cg row by row, p_cg, JᵀJ (6, 6) row by row, sum of squared errors in px².
+_POSITION, _INFORMATION, _SQUARES = 9, 12, 48
+_FIT = 49
+# A sighting: position, orientation, covariance, then position and orientation of the alternative.
+_SIGHTING = 50
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    """One pose that explains the corners."""
+@kernel
+def _fit(points: Vector, rays: Vector, weights: Vector, fits: Vector) -> int:
+    """Poses from which the markers' face can be seen, refined, the best first, into ``fits`` (2, 49); how many."""
+    for i in range(weights.shape[0]):
+        for j in range(2):
+            if not math.isfinite(weights[i, j, 0] + weights[i, j, 1] + weights[i, j, 2]):
+                return 0
+    R, p, H = np.empty((2, 3, 3)), np.empty((2, 3)), np.empty((6, 6))
+    count = 0
+    for m in range(gate_candidates(points, rays, R, p)):
+        squares = refine_pose(R[m], p[m], points, rays, weights, H)
+        ahead = R[m, 0, 0] * p[m, 0] + R[m, 1, 0] * p[m, 1] + R[m, 2, 0] * p[m, 2]
+        if not (math.isfinite(squares) and ahead > 0.0):
+            continue
+        row = fits[count]
+        if count == 1 and squares < fits[0, _SQUARES]:
+            assign(fits[1], fits[0])
+            row = fits[0]
+        for i in range(3):
+            row[_POSITION + i] = p[m, i]
+            for j in range(3):
+                row[3 * i + j] = R[m, i, j]
+        for i in range(6):
+            for j in range(6):
+                row[_INFORMATION + 6 * i + j] = H[i, j]
+        row[_SQUARES] = squares
+        count += 1
+    return count
 
-    R_cg: Vector
-    p_cg: Vector
-    information: Vector
-    """(6, 6) JᵀJ: position in camera axes, rotation vector in gate axes; per square pixel."""
-    squares: float
-    """Sum of squared reprojection errors, px²."""
-    corners: int
 
-    @property
-    def reprojection(self) -> float:
-        """RMS distance between seen and reprojected corners, pixels."""
-        return math.sqrt(self.squares / self.corners)
+@kernel
+def _credible(fit: Vector, corners: int, limits: Vector) -> bool:
+    near = fit[9] ** 2 + fit[10] ** 2 + fit[11] ** 2 <= limits[2] ** 2
+    return bool(near and fit[_SQUARES] <= limits[1] ** 2 * corners)
+
+
+@kernel
+def _another(best: Vector, other: Vector) -> bool:
+    """Whether two fits are two poses, not one minimum reached twice."""
+    trace = moved2 = distance2 = 0.0
+    for i in range(9):
+        trace += best[i] * other[i]
+    for i in range(_POSITION, _INFORMATION):
+        moved2 += (other[i] - best[i]) ** 2
+        distance2 += best[i] ** 2
+    turned = math.acos(min(max(0.5 * (trace - 1.0), -1.0), 1.0))
+    return bool(turned > SAME_POSE or moved2 > SAME_POSE**2 * distance2)
+
+
+@kernel
+def _in_body(fit: Vector, R_bc: Vector, p_bc: Vector, out: Vector) -> None:
+    """Position and orientation of the gate in the body frame into ``out`` (7,)."""
+    R = np.empty((3, 3))
+    for i in range(3):
+        out[i] = p_bc[i]
+        for j in range(3):
+            out[i] += R_bc[i, j] * fit[_POSITION + j]
+            R[i, j] = R_bc[i, 0] * fit[j] + R_bc[i, 1] * fit[3 + j] + R_bc[i, 2] * fit[6 + j]
+    assign(out[3:7], quat_from_matrix(R))
+
+
+@kernel
+def _covariance(fit: Vector, noise: float, R_bc: Vector, out: Vector) -> bool:
+    """Covariance (36,) of a fit in the axes of a sighting; False where the corners leave the pose open."""
+    A, column = np.empty((6, 6)), np.empty(6)
+    for i in range(6):
+        for j in range(6):
+            A[i, j] = fit[_INFORMATION + 6 * i + j]
+    if not factor(A):
+        return False
+    # with the information J and the axes T, the covariance T J⁻¹ Tᵀ has the rows T J⁻¹ (row of T)
+    for i in range(6):
+        for k in range(3):
+            column[k] = R_bc[i, k] if i < 3 else 0.0
+            column[3 + k] = 1.0 if i == 3 + k else 0.0
+        substitute(A, column)
+        for k in range(3):
+            turned = R_bc[k, 0] * column[0] + R_bc[k, 1] * column[1] + R_bc[k, 2] * column[2]
+            out[6 * i + k] = noise * noise * turned
+            out[6 * i + 3 + k] = noise * noise * column[3 + k]
+    for i in range(6):
+        for j in range(i):
+            out[6 * i + j] = out[6 * j + i] = 0.5 * (out[6 * i + j] + out[6 * j + i])
+    total = 0.0
+    for i in range(36):
+        total += out[i]
+    positive = True
+    for i in range(6):
+        positive = positive and out[7 * i] > 0.0
+    return positive and math.isfinite(total)
+
+
+@kernel
+def _sighted(fits: Vector, count: int, corners: int, limits: Vector, R_bc: Vector, p_bc: Vector, out: Vector) -> int:
+    """The sighting that ``count`` of ``fits`` make, into ``out`` (50,): 0 none, 1 one pose, 2 with an alternative.
+
+    ``limits`` (3,) are the noise of a corner, the greatest reprojection error (px) and the greatest distance (m).
+    """
+    if count == 0 or not _credible(fits[0], corners, limits) or not _covariance(fits[0], limits[0], R_bc, out[7:43]):
+        return 0
+    _in_body(fits[0], R_bc, p_bc, out[0:7])
+    if count == 1 or not _another(fits[0], fits[1]) or not _credible(fits[1], corners, limits):
+        return 1
+    if not (fits[1, _SQUARES] - fits[0, _SQUARES]) / limits[0] ** 2 < LIKELIHOOD_RATIO:
+        return 1
+    _in_body(fits[1], R_bc, p_bc, out[43:50])
+    return 2
 
 
 class GatePoseSolver:
@@ -81,14 +155,19 @@ class GatePoseSolver:
     """
 
     def __init__(self, config: Config, track: Track, camera: CameraModel) -> None:
-        self._limits = config.detection
+        limits = config.detection
+        self._limits = np.array((limits.corner_noise, limits.max_reprojection, limits.max_distance))
+        self._suspect = SUSPECT * limits.corner_noise
         self._camera = camera
         self._shape = track.gate.marker_corners()
-        self._half_size = 0.5 * track.gate.marker_size
-        self._gates = tuple((gate.id, gate.markers) for gate in track.gates)
-        centre = np.array([[0.5 * camera.width, 0.5 * camera.height]])
-        ray = camera.bearings(centre)
-        refine_pose(np.eye(3), 3.0 * ray[0], np.zeros((1, 3)), ray, corner_weights(camera, ray))
+        self._R_bc, self._p_bc = np.array(camera.R_bc, float, order="C"), np.array(camera.p_bc, float)
+        self._ids = tuple(gate.id for gate in track.gates)
+        self._places = {
+            marker_id: (index, slot)
+            for index, gate in enumerate(track.gates)
+            for slot, marker_id in enumerate(gate.markers)
+        }
+        self._solve(np.zeros((4, 2)), [0])
 
     def solve(self, stamp: float, markers: Sequence[MarkerDetection]) -> tuple[GateSighting, ...]:
         """Sightings, in the track's order, of the gates that ``markers`` of the exposure at ``stamp`` show.
@@ -97,123 +176,60 @@ class GatePoseSolver:
         ``detection.max_distance`` or that show their markers from behind. Markers with corners that are not
         finite, or that no gate carries, are ignored; of two with one id the first counts.
         """
-        seen: dict[int, Vector] = {}
+        seen: dict[tuple[int, int], Vector] = {}
         for marker in markers:
-            if marker.marker_id not in seen and np.isfinite(marker.corners).all():
-                seen[marker.marker_id] = marker.corners
-        sightings = (self._gate(stamp, gate_id, ids, seen) for gate_id, ids in self._gates)
-        return tuple(sighting for sighting in sightings if sighting is not None)
+            place = self._places.get(marker.marker_id)
+            if place is not None and place not in seen and all(map(math.isfinite, marker.corners.flat)):
+                seen[place] = marker.corners
+        sightings = []
+        for index in sorted({index for index, _ in seen}):
+            slots = sorted(slot for gate, slot in seen if gate == index)
+            pixels = np.concatenate([seen[index, slot] for slot in slots])
+            sighting = self._gate(stamp, self._ids[index], pixels, slots)
+            if sighting is not None:
+                sightings.append(sighting)
+        return tuple(sightings)
 
-    def _gate(self, stamp: float, gate_id: int, ids: tuple[int, ...], seen: dict[int, Vector]) -> GateSighting | None:
-        slots = [slot for slot, marker_id in enumerate(ids) if marker_id in seen]
-        if not slots:
+    def _gate(self, stamp: float, gate_id: int, pixels: Vector, slots: list[int]) -> GateSighting | None:
+        verdict, out, corners, squares = self._solve(pixels, slots)
+        if verdict == 0:
             return None
-        rays = self._camera.bearings(np.concatenate([seen[ids[slot]] for slot in slots]))
-        weights = corner_weights(self._camera, rays)
-        if not np.isfinite(weights).all():
-            return None
-        corners = _Corners(self._shape[slots].reshape(-1, 3), rays, weights)
-        fits = self._without_outlier(corners)
-        if not fits or not self._credible(fits[0]):
-            return None
-        return self._sighting(stamp, gate_id, fits)
-
-    def _without_outlier(self, corners: _Corners) -> list[_Fit]:
-        """Fits to all markers, or to all but the one that spoils them; the best first.
-
-        Three markers or more are needed to tell which of them is wrong.
-        """
-        fits = self._fit(corners)
-        count = len(corners.points) // 4
-        if count < 3 or (fits and fits[0].reprojection <= SUSPECT * self._limits.corner_noise):
-            return fits
-        trials = (self._fit(corners.without(marker)) for marker in range(count))
-        best = min((trial for trial in trials if trial), key=lambda trial: trial[0].reprojection, default=[])
-        if best and (not fits or best[0].reprojection < IMPROVEMENT * fits[0].reprojection):
-            return best
-        return fits
-
-    def _fit(self, corners: _Corners) -> list[_Fit]:
-        """Poses from which the markers' face can be seen, refined, the best first."""
-        fits: list[_Fit] = []
-        for R_start, p_start in self._candidates(corners):
-            try:
-                R, p, information, squares = refine_pose(
-                    R_start, p_start, corners.points, corners.rays, corners.weights
-                )
-            except np.linalg.LinAlgError:
-                continue
-            on_approach_side = R[:, 0] @ p > 0.0
-            if math.isfinite(squares) and on_approach_side:
-                fits.append(_Fit(R, p, information, squares, len(corners.points)))
-        return sorted(fits, key=lambda fit: fit.squares)
-
-    def _candidates(self, corners: _Corners) -> list[tuple[Vector, Vector]]:
-        """Both IPPE poses (R_cg, p_cg) of the marker plane."""
-        R_cv = _look_at(corners.rays.mean(axis=0))
-        rays = corners.rays @ R_cv
-        if not (rays[:, 2] > LEAST_COSINE).all():
-            return []
-        plane = corners.points @ R_GATE_PLANE
-        single = len(plane) == 4
-        offset = plane.mean(axis=0) if single else np.zeros(3)
-        method = cv2.SOLVEPNP_IPPE_SQUARE if single else cv2.SOLVEPNP_IPPE
-        image = np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
-        try:
-            _, rotations, positions, _ = cv2.solvePnPGeneric(plane - offset, image, np.eye(3), None, flags=method)
-        except cv2.error:
-            return []
-        poses = []
-        for rotation, position in zip(rotations, positions, strict=True):
-            R_vp = cv2.Rodrigues(rotation)[0]
-            poses.append((R_cv @ R_vp @ R_GATE_PLANE.T, R_cv @ (position[:, 0] - R_vp @ offset)))
-        return poses
-
-    def _credible(self, fit: _Fit) -> bool:
-        near = float(np.linalg.norm(fit.p_cg)) <= self._limits.max_distance
-        return near and fit.reprojection <= self._limits.max_reprojection
-
-    def _sighting(self, stamp: float, gate_id: int, fits: list[_Fit]) -> GateSighting | None:
-        best = fits[0]
-        axes = np.eye(6)
-        axes[:3, :3] = self._camera.R_bc
-        try:
-            covariance = self._limits.corner_noise**2 * axes @ np.linalg.inv(best.information) @ axes.T
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(covariance).all() or not (np.diag(covariance) > 0.0).all():
-            return None
-        position, orientation = self._in_body(best)
-        other = self._alternative(fits)
         return GateSighting(
             stamp=stamp,
             gate_id=gate_id,
-            position=position,
-            orientation=orientation,
-            covariance=0.5 * (covariance + covariance.T),
-            alternative=None if other is None else self._in_body(other),
-            markers=best.corners // 4,
-            reprojection=best.reprojection,
+            position=out[0:3],
+            orientation=out[3:7],
+            covariance=out[7:43].reshape(6, 6),
+            alternative=(out[43:46], out[46:50]) if verdict == 2 else None,
+            markers=corners // 4,
+            reprojection=math.sqrt(squares / corners),
         )
 
-    def _alternative(self, fits: list[_Fit]) -> _Fit | None:
-        """The second fit, if it is another pose and nearly as likely as the first."""
-        if len(fits) < 2:
-            return None
-        best, other = fits[0], fits[1]
-        excess = (other.squares - best.squares) / self._limits.corner_noise**2
-        turned = math.acos(min(max(0.5 * (float(np.trace(best.R_cg.T @ other.R_cg)) - 1.0), -1.0), 1.0))
-        moved = float(np.linalg.norm(other.p_cg - best.p_cg) / np.linalg.norm(best.p_cg))
-        another = turned > SAME_POSE or moved > SAME_POSE
-        return other if another and excess < LIKELIHOOD_RATIO and self._credible(other) else None
+    def _solve(self, pixels: Vector, slots: list[int]) -> tuple[int, Vector, int, float]:
+        """`_sighted` of the markers in ``slots`` at ``pixels`` (n, 2), the number of corners used, their error."""
+        rays = self._camera.bearings(pixels)
+        points = self._shape[slots].reshape(-1, 3)
+        fits, count, corners = self._without_outlier(points, rays, corner_weights(self._camera, rays))
+        out = np.empty(_SIGHTING)
+        verdict = _sighted(fits, count, corners, self._limits, self._R_bc, self._p_bc, out)
+        return verdict, out, corners, float(fits[0, _SQUARES])
 
-    def _in_body(self, fit: _Fit) -> tuple[Vector, Vector]:
-        position = self._camera.R_bc @ fit.p_cg + self._camera.p_bc
-        return position, quat_from_matrix(self._camera.R_bc @ fit.R_cg)
+    def _without_outlier(self, points: Vector, rays: Vector, weights: Vector) -> tuple[Vector, int, int]:
+        """Fits to all markers, or to all but the one that spoils them, how many, and the number of corners.
 
-
-def _look_at(direction: Vector) -> Vector:
-    """The smallest rotation (3, 3) that turns the optical axis into ``direction`` (3,)."""
-    x, y, z = direction / max(float(np.linalg.norm(direction)), 1e-12)
-    s = 1.0 / max(1.0 + z, 1e-9)
-    return np.array([[1.0 - s * x * x, -s * x * y, x], [-s * x * y, 1.0 - s * y * y, y], [-x, -y, z]])
+        Three markers or more are needed to tell which of them is wrong.
+        """
+        fits, n = np.empty((2, _FIT)), len(points)
+        count = _fit(points, rays, weights, fits)
+        error = math.sqrt(fits[0, _SQUARES] / n) if count else math.inf
+        if n < 12 or error <= self._suspect:
+            return fits, count, n
+        best, best_count, least = fits, count, IMPROVEMENT * error
+        for marker in range(n // 4):
+            keep = np.arange(n) // 4 != marker
+            trial = np.empty((2, _FIT))
+            trial_count = _fit(points[keep], rays[keep], weights[keep], trial)
+            error = math.sqrt(trial[0, _SQUARES] / (n - 4)) if trial_count else math.inf
+            if error < least:
+                best, best_count, least = trial, trial_count, error
+        return best, best_count, n if best is fits else n - 4

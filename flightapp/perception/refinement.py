@@ -5,11 +5,14 @@ it was seen, and scaled to pixels by the lens's derivative there; for errors of 
 reprojection error, at any angle from the optical axis.
 """
 
+import math
+
 import numpy as np
 
 from flightapp.frames import Vector, quat_from_rotvec, quat_to_matrix
-from flightapp.jit import kernel
+from flightapp.jit import assign, kernel
 from flightapp.perception.camera import CameraModel
+from flightapp.perception.linear import factor, substitute
 
 STEP = 1e-5
 """Half of the central difference that gives the lens's derivative, as a fraction of the unit ray."""
@@ -24,12 +27,35 @@ def corner_weights(camera: CameraModel, rays: Vector) -> Vector:
 
     They have no part along the ray itself.
     """
-    steps = STEP * np.eye(3)
-    moved = np.concatenate((rays[:, None] + steps, rays[:, None] - steps), axis=1)
-    pixels = camera.project(moved.reshape(-1, 3)).reshape(-1, 2, 3, 2)
-    slope = (pixels[:, 0] - pixels[:, 1]).transpose(0, 2, 1) / (2.0 * STEP)
-    along = np.einsum("nij,nj->ni", slope, rays)
-    return np.ascontiguousarray(slope - along[:, :, None] * rays[:, None, :])
+    return _weights(rays, camera.project(_neighbours(rays)))
+
+
+@kernel
+def _neighbours(rays: Vector) -> Vector:
+    """(6 n, 3): each ray moved by ±`STEP` along each axis, first up and then down."""
+    moved = np.empty((6 * rays.shape[0], 3))
+    for i in range(rays.shape[0]):
+        for m in range(6):
+            for k in range(3):
+                moved[6 * i + m, k] = rays[i, k]
+            moved[6 * i + m, m % 3] += STEP if m < 3 else -STEP
+    return moved
+
+
+@kernel
+def _weights(rays: Vector, pixels: Vector) -> Vector:
+    """`corner_weights` from the ``pixels`` (6 n, 2) of the rays' neighbours."""
+    weights = np.empty((rays.shape[0], 2, 3))
+    for i in range(rays.shape[0]):
+        for j in range(2):
+            along = 0.0
+            for k in range(3):
+                slope = (pixels[6 * i + k, j] - pixels[6 * i + 3 + k, j]) / (2.0 * STEP)
+                weights[i, j, k] = slope
+                along += slope * rays[i, k]
+            for k in range(3):
+                weights[i, j, k] -= along * rays[i, k]
+    return weights
 
 
 @kernel
@@ -46,7 +72,7 @@ def _linearise(R: Vector, p: Vector, points: Vector, rays: Vector, weights: Vect
         z = R[2, 0] * g[0] + R[2, 1] * g[1] + R[2, 2] * g[2] + p[2]
         depth = ray[0] * x + ray[1] * y + ray[2] * z
         if not depth > 1e-6:
-            return np.inf
+            return math.inf
         for j in range(2):
             w = weights[i, j]
             error = (w[0] * x + w[1] * y + w[2] * z) / depth
@@ -62,42 +88,61 @@ def _linearise(R: Vector, p: Vector, points: Vector, rays: Vector, weights: Vect
             squares += error * error
             for m in range(6):
                 b[m] -= row[m] * error
-                for n in range(6):
+                for n in range(m + 1):
                     H[m, n] += row[m] * row[n]
+    for m in range(6):
+        for n in range(m):
+            H[n, m] = H[m, n]
     return squares
 
 
 @kernel
-def refine_pose(
-    R_start: Vector, p_start: Vector, points: Vector, rays: Vector, weights: Vector
-) -> tuple[Vector, Vector, Vector, float]:
-    """Pose (R_cg, p_cg) near the start that best explains ``rays`` (n, 3) to ``points`` (n, 3) of the gate.
+def _moved(R: Vector, p: Vector, step: Vector, R_new: Vector, p_new: Vector) -> float:
+    """Put the pose moved by ``step`` (6,) into ``R_new`` and ``p_new``; how far that is, for `CONVERGED`."""
+    turn = quat_to_matrix(quat_from_rotvec(step[3:6]))
+    way = reach = angle = 0.0
+    for i in range(3):
+        way, reach, angle = max(way, abs(step[i])), max(reach, abs(p[i])), max(angle, abs(step[3 + i]))
+        p_new[i] = p[i] + step[i]
+        for j in range(3):
+            R_new[i, j] = R[i, 0] * turn[0, j] + R[i, 1] * turn[1, j] + R[i, 2] * turn[2, j]
+    return way / (1e-9 + reach) + angle
 
-    Returns also JᵀJ (6, 6), per square pixel, for position in camera axes and rotation vector in gate axes,
-    and the sum of squared errors in px², inf where the start is impossible (K. Madsen et al., "Methods for
+
+@kernel
+def refine_pose(R: Vector, p: Vector, points: Vector, rays: Vector, weights: Vector, H: Vector) -> float:
+    """Move the pose ``R`` (3, 3) R_cg, ``p`` (3,) to where it best explains ``rays`` (n, 3) to ``points`` (n, 3).
+
+    ``H`` (6, 6) becomes JᵀJ, per square pixel, for position in camera axes and rotation vector in gate axes.
+    Returns the sum of squared errors in px², inf where the start is impossible (K. Madsen et al., "Methods for
     Non-Linear Least Squares Problems", 2004).
     """
-    R, p = R_start.copy(), p_start.copy()
-    H, H_new, b, b_new, step = np.empty((6, 6)), np.empty((6, 6)), np.empty(6), np.empty(6), np.empty(6)
+    R_new, p_new, H_new, damped = np.empty((3, 3)), np.empty(3), np.empty((6, 6)), np.empty((6, 6))
+    b, b_new, step = np.empty(6), np.empty(6), np.empty(6)
     squares = _linearise(R, p, points, rays, weights, H, b)
     damping = 1e-4
     for _ in range(ITERATIONS):
-        if not np.isfinite(squares):
+        if not math.isfinite(squares):
             break
-        damped = H.copy()
+        assign(damped.reshape(36), H.reshape(36))
         for m in range(6):
             damped[m, m] += damping * H[m, m] + 1e-12
-        step[:] = np.linalg.solve(damped, b)
-        p_new = p + step[:3]
-        R_new = R @ quat_to_matrix(quat_from_rotvec(step[3:]))
-        squares_new = _linearise(R_new, p_new, points, rays, weights, H_new, b_new)
+        assign(step, b)
+        size = math.inf
+        squares_new = math.inf
+        if factor(damped):
+            substitute(damped, step)
+            size = _moved(R, p, step, R_new, p_new)
+            squares_new = _linearise(R_new, p_new, points, rays, weights, H_new, b_new)
         if squares_new <= squares:
-            R, p, squares = R_new, p_new, squares_new
-            H[:], b[:] = H_new, b_new
+            assign(R.reshape(9), R_new.reshape(9))
+            assign(H.reshape(36), H_new.reshape(36))
+            assign(p, p_new)
+            assign(b, b_new)
+            squares = squares_new
             damping *= 0.1
         else:
             damping *= 10.0
-        size = np.abs(step[:3]).max() / (1e-9 + np.abs(p).max()) + np.abs(step[3:]).max()
         if size < CONVERGED or damping > 1e8:
             break
-    return R, p, H, squares
+    return squares

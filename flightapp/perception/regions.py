@@ -1,11 +1,15 @@
 """Where in the image to look for the markers of the gates that the map knows."""
 
+import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flightapp.config import Detection
-from flightapp.frames import Vector, quat_from_yaw, quat_to_matrix
+from flightapp.frames import Vector, quat_to_matrix
+from flightapp.jit import kernel
 from flightapp.messages import GateEstimate
 from flightapp.perception.camera import CameraModel
 from flightapp.track import GateShape
@@ -18,8 +22,6 @@ NEAREST = 0.05
 
 COST_OF_A_BOX = 6000
 """px that could be searched in the time that it takes to begin another box."""
-
-CUBE: Vector = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 Box = tuple[int, int, int, int]
 
@@ -40,25 +42,7 @@ def expected_regions(
     image the list is empty. None, for the whole image, where the boxes would cover more of it than
     ``detection.region_coverage``.
     """
-    R_wc = quat_to_matrix(orientation) @ camera.R_bc
-    p_wc = position + quat_to_matrix(orientation) @ camera.p_bc
-    markers = shape.marker_corners()
-    boxes: list[Vector] = []
-    for gate in gates:
-        reach = SIGMAS * float(np.sqrt(max(np.linalg.eigvalsh(gate.covariance[:3, :3])[-1], 0.0)))
-        swing = min(SIGMAS * float(np.sqrt(max(gate.covariance[3, 3], 0.0))), np.pi)
-        R_wg = quat_to_matrix(quat_from_yaw(gate.yaw))
-        from_gate = R_wg.T @ (p_wc - gate.position)
-        distance = float(np.linalg.norm(from_gate))
-        passed = from_gate[0] > reach + swing * distance
-        if passed or distance > detection.max_distance + reach:
-            continue
-        for corners in markers:
-            slack = reach + swing * float(np.abs(corners[:, 1]).max())
-            in_camera = (corners @ R_wg.T + gate.position - p_wc) @ R_wc
-            box = _box(in_camera, slack, camera, detection.region_margin)
-            if box is not None:
-                boxes.append(box)
+    boxes = _boxes(gates, position, quat_to_matrix(orientation), camera, _markers(shape), detection) if gates else []
     merged = merge_regions(boxes, camera.width, camera.height)
     searched = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in merged)
     if searched > detection.region_coverage * camera.width * camera.height:
@@ -66,22 +50,92 @@ def expected_regions(
     return [np.array(box, float) for box in merged]
 
 
-def _box(corners: Vector, slack: float, camera: CameraModel, margin: float) -> Vector | None:
-    """Box (4,) around ``corners`` (n, 3) in the camera frame that may be off by ``slack`` m; None if unseen."""
-    if slack > 0.0 and np.linalg.norm(corners, axis=1).min() < np.sqrt(3.0) * slack:
-        return np.array([0.0, 0.0, camera.width, camera.height])
-    points = (corners[:, None] + slack * CUBE).reshape(-1, 3)
-    if not camera.fisheye:
-        # What might be nearer than a pinhole sees appears far outside the image, on the side where it is.
-        if points[:, 2].reshape(len(corners), -1).max(axis=1).min() < NEAREST:
-            return None
-        points[:, 2] = np.maximum(points[:, 2], NEAREST)
-    pixels = camera.project(points)
-    x0, y0 = pixels.min(axis=0) - margin
-    x1, y1 = pixels.max(axis=0) + margin
-    if x1 < 0.0 or y1 < 0.0 or x0 >= camera.width or y0 >= camera.height:
-        return None
-    return np.array([x0, y0, x1, y1])
+@cache
+def _markers(shape: GateShape) -> Vector:
+    return shape.marker_corners()
+
+
+def _boxes(
+    gates: Sequence[GateEstimate],
+    position: Vector,
+    R_wb: Vector,
+    camera: CameraModel,
+    markers: Vector,
+    detection: Detection,
+) -> list[Vector]:
+    """Boxes (4,) of the ``markers`` (k, 4, 3) that may be seen; they may reach out of the image."""
+    points = np.empty((len(gates) * len(markers), 8 * markers.shape[1], 3))
+    whole = np.empty(len(points), np.bool_)
+    R_wc, p_wc = R_wb @ camera.R_bc, position + R_wb @ camera.p_bc
+    count = _surround(_known(gates), markers, R_wc, p_wc, camera.fisheye, detection.max_distance, points, whole)
+    pixels = camera.project(points[:count].reshape(-1, 3)).reshape(count, points.shape[1], 2)
+    low = pixels.min(axis=1) - detection.region_margin
+    high = pixels.max(axis=1) + detection.region_margin
+    size = np.array((camera.width, camera.height))
+    seen = whole[:count] | ~((high < 0.0) | (low >= size)).any(axis=1)
+    found = np.concatenate((low, high), axis=1)
+    found[whole[:count]] = (0.0, 0.0, camera.width, camera.height)
+    return list(found[seen])
+
+
+def _known(gates: Sequence[GateEstimate]) -> Vector:
+    """(n, 6): position, yaw, and by how much the position (m) and the yaw (rad) may be off."""
+    rows = np.empty((len(gates), 6))
+    covariances = np.array([gate.covariance for gate in gates])
+    for row, gate in zip(rows, gates, strict=True):
+        row[0:3] = gate.position
+        row[3] = gate.yaw
+    rows[:, 4] = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(covariances[:, :3, :3])[:, -1], 0.0))
+    rows[:, 5] = np.minimum(SIGMAS * np.sqrt(np.maximum(covariances[:, 3, 3], 0.0)), np.pi)
+    return rows
+
+
+@kernel
+def _surround(
+    gates: Vector,
+    markers: Vector,
+    R_wc: Vector,
+    p_wc: Vector,
+    fisheye: bool,
+    max_distance: float,
+    points: Vector,
+    whole: NDArray[np.bool_],
+) -> int:
+    """Points around every marker (k, 4, 3) of ``gates`` (n, 6) that may be seen; how many markers that are.
+
+    ``points`` (n k, 32, 3), in the camera frame, become the corners of the cubes in which a marker's corners may
+    be; ``whole`` (n k,) tells which markers may be about the camera, so anywhere in the image.
+    """
+    count = 0
+    for g in range(gates.shape[0]):
+        x, y, z, yaw, reach, swing = gates[g]
+        c, s = math.cos(yaw), math.sin(yaw)
+        dx, dy, dz = p_wc[0] - x, p_wc[1] - y, p_wc[2] - z
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        passed = c * dx + s * dy > reach + swing * distance
+        if passed or distance > max_distance + reach:
+            continue
+        for marker in markers:
+            slack = reach + swing * np.abs(marker[:, 1]).max()
+            nearest, least = math.inf, math.inf
+            for i in range(marker.shape[0]):
+                u, v, w = marker[i]
+                rx, ry, rz = c * u - s * v - dx, s * u + c * v - dy, w - dz
+                nearest = min(nearest, rx * rx + ry * ry + rz * rz)
+                for k in range(8):
+                    for axis in range(3):
+                        along = rx * R_wc[0, axis] + ry * R_wc[1, axis] + rz * R_wc[2, axis]
+                        points[count, 8 * i + k, axis] = along + (slack if k >> (2 - axis) & 1 else -slack)
+                least = min(least, points[count, 8 * i + 7, 2])
+            whole[count] = slack > 0.0 and nearest < 3.0 * slack * slack
+            if not fisheye:
+                if not whole[count] and least < NEAREST:
+                    continue
+                # What might be nearer than a pinhole sees appears far outside the image, on the side where it is.
+                for i in range(points.shape[1]):
+                    points[count, i, 2] = max(points[count, i, 2], NEAREST)
+            count += 1
+    return count
 
 
 def merge_regions(regions: Sequence[Vector], width: int, height: int) -> list[Box]:
@@ -92,10 +146,11 @@ def merge_regions(regions: Sequence[Vector], width: int, height: int) -> list[Bo
     """
     boxes: list[Box] = []
     for region in regions:
-        if not np.isfinite(region).all():
+        edges = region.tolist()
+        if not all(map(math.isfinite, edges)):
             continue
-        x0, y0 = max(int(np.floor(region[0])), 0), max(int(np.floor(region[1])), 0)
-        x1, y1 = min(int(np.ceil(region[2])), width), min(int(np.ceil(region[3])), height)
+        x0, y0 = max(math.floor(edges[0]), 0), max(math.floor(edges[1]), 0)
+        x1, y1 = min(math.ceil(edges[2]), width), min(math.ceil(edges[3]), height)
         if x1 <= x0 or y1 <= y0:
             continue
         box = (x0, y0, x1, y1)

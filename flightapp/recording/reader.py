@@ -8,11 +8,13 @@ import struct
 import zlib
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -36,13 +38,15 @@ from flightapp.messages import (
     Sightings,
     VehicleState,
 )
-from flightapp.recording.records import RECORDS, TrueGates, decode
-from flightapp.recording.wire import FIXED
+from flightapp.recording.nested import NESTED
+from flightapp.recording.records import TrueGates, decode
+from flightapp.recording.wire import FIXED, PACKAGE
 from flightapp.recording.writer import HEADER, PROFILE
 from flightapp.trajectory import Trajectory
 
 _MAGIC = b"\x89MCAP0\r\n"
 _DAMAGE = (
+    DecodeError,
     McapError,
     CRCValidationError,
     ZstdError,
@@ -176,6 +180,7 @@ class _Contents:
         return columns(**arrays)
 
     def _messages(self, kind: type) -> Any:
-        name = f"flightapp.{kind.__name__}"
-        messages = [decode(RECORDS[name], payload) for payload in self._payloads[name]]
+        name = f"{PACKAGE}.{kind.__name__}"
+        read = NESTED[kind].decode if kind in NESTED else partial(decode, kind)
+        messages = [read(payload) for payload in self._payloads[name]]
         return tuple(sorted(messages, key=lambda message: message.stamp))

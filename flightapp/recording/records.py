@@ -18,10 +18,8 @@ from flightapp.messages import (
     Collision,
     Event,
     GateEstimate,
-    GateMap,
     GatePassage,
     PlanReport,
-    Sightings,
 )
 from flightapp.trajectory import Trajectory
 
@@ -38,9 +36,7 @@ class TrueGates:
 RECORDS: Mapping[str, type] = {
     f"flightapp.{record.__name__}": record
     for record in (
-        GateMap,
         TrueGates,
-        Sightings,
         Trajectory,
         AutopilotStatus,
         Event,

@@ -7,12 +7,17 @@ https://protobuf.dev/programming-guides/encoding/.
 """
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet
+from google.protobuf.descriptor_pb2 import (
+    DescriptorProto,
+    FieldDescriptorProto,
+    FileDescriptorProto,
+    FileDescriptorSet,
+)
 
 from flightapp.messages import GroundTruth, PoseSample, RateCommand, Setpoint, VehicleState
 
@@ -25,17 +30,18 @@ Encode = Callable[[Any], bytes]
 class Layout:
     """The constant layout of one protobuf message.
 
-    ``fields`` maps names to widths: 0 for a double, -1 for an unsigned 32-bit integer, n for n doubles.
+    ``fields`` maps names to widths: 0 for a double, -1 for an unsigned 32-bit integer, n for n doubles; they are
+    numbered from ``first``.
     """
 
-    def __init__(self, name: str, fields: Mapping[str, int]) -> None:
+    def __init__(self, name: str, fields: Mapping[str, int], first: int = 1) -> None:
         self.name = f"{PACKAGE}.{name}"
         self.tags: list[bytes] = []
         names, formats, offsets = [], [], []
         packing, offset = "<", 0
-        for number, (field, width) in enumerate(fields.items(), start=1):
+        for number, (field, width) in enumerate(fields.items(), start=first):
             if width > 0:
-                tag = bytes((number << 3 | _LENGTH, 8 * width))
+                tag = prefix(number, 8 * width)
                 code, form = f"{width}d", f"({width},)<f8"
             else:
                 tag = bytes((number << 3 | (_FIXED32 if width < 0 else _FIXED64),))
@@ -49,7 +55,7 @@ class Layout:
         self.pack = struct.Struct(packing).pack
         self.size = offset
         self.dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": offset})
-        self.schema = _descriptor(name, fields)
+        self.schema = descriptor_set(name, [descriptor(name, fields)])
 
     def columns(self, payloads: list[bytes]) -> Mapping[str, Any]:
         """Arrays by field, one row for each of ``payloads``; raises ValueError where a length is wrong."""
@@ -60,9 +66,19 @@ class Layout:
         return {name: np.ascontiguousarray(rows[name]) for name in names}
 
 
-def _descriptor(name: str, fields: Mapping[str, int]) -> bytes:
-    file = FileDescriptorProto(name=f"{PACKAGE}/{name}.proto", package=PACKAGE, syntax="proto3")
-    message = file.message_type.add(name=name)
+def prefix(number: int, length: int) -> bytes:
+    """Tag of the field ``number`` (at most 15) and ``length`` of what follows, in bytes."""
+    encoded = bytearray((number << 3 | _LENGTH,))
+    while length > 0x7F:
+        encoded.append(length & 0x7F | 0x80)
+        length >>= 7
+    encoded.append(length)
+    return bytes(encoded)
+
+
+def descriptor(name: str, fields: Mapping[str, int]) -> DescriptorProto:
+    """What protobuf is told of the message ``name`` with ``fields`` as in `Layout`."""
+    message = DescriptorProto(name=name)
     for number, (field, width) in enumerate(fields.items(), start=1):
         message.field.add(
             name=field,
@@ -70,6 +86,12 @@ def _descriptor(name: str, fields: Mapping[str, int]) -> bytes:
             label=FieldDescriptorProto.LABEL_REPEATED if width > 0 else FieldDescriptorProto.LABEL_OPTIONAL,
             type=FieldDescriptorProto.TYPE_FIXED32 if width < 0 else FieldDescriptorProto.TYPE_DOUBLE,
         )
+    return message
+
+
+def descriptor_set(name: str, messages: Iterable[DescriptorProto]) -> bytes:
+    """The schema of the message ``name``, described by the last of ``messages``, which needs the others."""
+    file = FileDescriptorProto(name=f"{PACKAGE}/{name}.proto", package=PACKAGE, syntax="proto3", message_type=messages)
     encoded: bytes = FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
     return encoded
 

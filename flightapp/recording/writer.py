@@ -14,11 +14,12 @@ from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
 from flightapp.messages import Frame
+from flightapp.recording.nested import NESTED
 from flightapp.recording.records import RECORDS, TrueGates, encode, json_schema
 from flightapp.recording.view import View
 from flightapp.recording.wire import FIXED, PACKAGE, Encode
 
-PROFILE = "flightapp/1"
+PROFILE = "flightapp/2"
 """The MCAP profile: the application and the version of the format."""
 HEADER = "flight"
 """The name of the metadata records that hold the header."""
@@ -151,6 +152,10 @@ class FlightLog:
             fixed = FIXED[kind]
             schema = Schema(name=name, encoding="protobuf", data=fixed.layout.schema)
             route = _Route(self._channel(topic, schema, "protobuf"), fixed.encode, kind in View.SHOWN)
+        elif kind in NESTED:
+            nested = NESTED[kind]
+            schema = Schema(name=name, encoding="protobuf", data=nested.schema)
+            route = _Route(self._channel(topic, schema, "protobuf"), nested.encode, kind in View.SHOWN)
         elif name in RECORDS:
             schema = Schema(name=name, encoding="jsonschema", data=json_schema(kind))
             route = _Route(self._channel(topic, schema, "json"), encode, kind in View.SHOWN)

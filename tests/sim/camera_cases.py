@@ -4,9 +4,10 @@ import numpy as np
 
 from flightapp.config import Camera
 from flightapp.frames import Vector, quat_from_euler, quat_from_rotvec, quat_multiply
-from flightapp.perception.camera import Lens
+from flightapp.perception.camera import CameraModel, Lens
 from flightapp.track import Box, Gate, Start, Track
-from sim.render import PoseAt
+from sim.render import PoseAt, camera_poses
+from sim.scene import Scene
 
 PINHOLE = Camera().model()
 FISHEYE = Camera(
@@ -36,3 +37,9 @@ def moving(
 ) -> PoseAt:
     p, v, w = (np.array(item, float) for item in (position, velocity, rates))
     return lambda stamp: (p + v * stamp, quat_multiply(orientation, quat_from_rotvec(w * stamp)))
+
+
+def projected(scene: Scene, camera: CameraModel, pose_at: PoseAt) -> Vector:
+    """(m, 4, 2) px: where the corners of the scene's markers are at stamp zero."""
+    R_wc, centres = camera_poses(camera, pose_at, np.zeros(1))
+    return camera.project((scene.boards.corners.reshape(-1, 3) - centres[0]) @ R_wc[0]).reshape(-1, 4, 2)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from camera_cases import FISHEYE, PINHOLE, make_track, moving, one_gate, projected
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from flightapp.config import Config
@@ -11,8 +12,6 @@ from flightapp.track import Box, Gate
 from sim.corner_camera import CornerCamera
 from sim.render import PoseAt, Renderer
 from sim.scene import Scene
-from tests.sim.camera_cases import FISHEYE, PINHOLE, make_track, moving, one_gate
-from tests.sim.test_render import projected
 
 TRACK = one_gate()
 SCENE = Scene.from_track(TRACK)

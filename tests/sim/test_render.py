@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 import pytest
+from camera_cases import FISHEYE, LEVEL, PINHOLE, make_track, moving, one_gate, projected
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -13,9 +14,8 @@ from flightapp.perception.aruco import ArucoDetector
 from flightapp.perception.camera import CameraModel
 from flightapp.track import Gate, Start, Track
 from sim.panel import Board, Panel, leg_mean
-from sim.render import READ_NOISE, SHOT_NOISE, PoseAt, Renderer, camera_poses
+from sim.render import READ_NOISE, SHOT_NOISE, Renderer, camera_poses
 from sim.scene import Scene
-from tests.sim.camera_cases import FISHEYE, LEVEL, PINHOLE, make_track, moving, one_gate
 
 EMPTY_TRACK = Track(name="empty", start=Start(position=(0.0, 0.0, 1.0)), waypoints=((1.0, 0.0, 1.0),))
 
@@ -32,11 +32,6 @@ def found_by_opencv(image: NDArray[np.uint8]) -> dict[int, NDArray[np.float32]]:
     detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), parameters)
     corners, ids, _ = detector.detectMarkers(image)
     return {int(i): c.reshape(4, 2) for i, c in zip(np.ravel(ids), corners, strict=True)}
-
-
-def projected(scene: Scene, camera: CameraModel, pose_at: PoseAt) -> NDArray[np.float64]:
-    R_wc, centres = camera_poses(camera, pose_at, np.zeros(1))
-    return camera.project((scene.boards.corners.reshape(-1, 3) - centres[0]) @ R_wc[0]).reshape(-1, 4, 2)
 
 
 @pytest.mark.parametrize(("camera", "bound"), [(PINHOLE, 0.1), (FISHEYE, 0.3)], ids=["pinhole", "fisheye"])

@@ -1,11 +1,11 @@
 import cv2
 import numpy as np
 import pytest
+from camera_cases import make_track, one_gate
 
 from flightapp.track import Box, Gate, GateShape
 from sim.order import far_to_near, quad_normals, quad_vertices
 from sim.scene import Scene, board_side
-from tests.sim.camera_cases import make_track, one_gate
 
 
 def test_markers_are_those_of_the_dictionary() -> None:

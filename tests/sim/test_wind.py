@@ -21,11 +21,11 @@ def test_lengths_are_those_of_the_standard():
 def test_gusts_have_their_variance_and_correlation(step):
     rng = np.random.default_rng(7)
     height, speed, sigma = 3.0, 10.0, 1.5
-    gust = sigma * rng.standard_normal(3)
+    gust = tuple((sigma * rng.standard_normal(3)).tolist())
     noise = rng.standard_normal((150_000, 3))
     series = np.empty_like(noise)
     for i in range(len(noise)):
-        update_gust(gust, sigma, speed, height, noise[i], step)
+        gust = update_gust(gust, sigma, speed, height, tuple(noise[i].tolist()), step)
         series[i] = gust
     expected = sigma * np.array([1.0, 1.0, vertical_ratio(height)])
     assert series.std(axis=0) == pytest.approx(expected, rel=0.06)
