@@ -33,7 +33,7 @@ from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
 from flightapp.timing import Ticker
 from flightapp.track import Track
-from flightapp.warmup import warm_up
+from flightapp.warmup import undisturbed, warm_up
 
 Watch = Callable[[Bus, Rig], None]
 """Called once everything is wired, to attach a display."""
@@ -96,7 +96,8 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
             with AppLog(plan.out / "app.log") as app_log:
                 flight = _wire(mission, config, rig, recorder, app_log, watch)
                 begin, wall = tasks.now(), time.perf_counter()
-                ending = await flight()
+                with undisturbed():
+                    ending = await flight()
         finally:
             recorder.close(outcome=ending.outcome, reason=ending.reason)
         return Flown(mission.name, plan.seed, ending, tasks.now() - begin, time.perf_counter() - wall, plan.out)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flightapp.frames import Vector, quat_to_matrix
 from flightapp.jit import kernel
 from flightapp.perception.camera import CameraModel
-from sim.ground import Image, paint_background
+from sim.ground import Image, make_ground, paint_background
 from sim.order import far_to_near, quad_normals, quad_spheres, quad_vertices
 from sim.raster import TILE, paint_quads
 from sim.scene import Scene
@@ -30,7 +30,7 @@ LEG_TURN = 0.04
 LEG_SHIFT = 0.1
 """m, and while it moves by this."""
 MAX_LEGS = 16
-BACKGROUND_SCALE = 2
+BACKGROUND_SCALE = 3
 """The background is painted at this fraction of the resolution: it has no detail that a marker detector needs."""
 MAX_BACKGROUND_POSES = 4
 CONE_MARGIN = 0.02
@@ -77,6 +77,7 @@ class Renderer:
         self._scene = scene
         self._camera = camera
         self._exposure = exposure
+        self._ground = make_ground(np.random.default_rng([scene.seed, 1]))
         self._rng = np.random.default_rng(seed)
         w, h = camera.width, camera.height
         wb, hb = -(-w // BACKGROUND_SCALE), -(-h // BACKGROUND_SCALE)
@@ -107,20 +108,13 @@ class Renderer:
             R_wc, centres = camera_poses(self._camera, pose_at, nodes)
         else:
             R_wc, centres = R_wc[::2], centres[::2]
-        paint_quads(
-            self._light,
-            self._rays,
-            self._cones,
-            self._scene.quads,
-            self._scene.boards,
-            far_to_near(self._vertices, self._normals, eye),
-            self._spheres,
-            np.ascontiguousarray(R_wc),
-            np.ascontiguousarray(centres),
-            turn,
-        )
+        order = far_to_near(self._vertices, self._normals, eye)
+        poses = np.ascontiguousarray(R_wc), np.ascontiguousarray(centres)
         image = np.empty(self._light.shape, np.uint8)
         offsets = self._rng.integers(0, NOISE_POOL, len(image))
+
+        scene = self._scene
+        paint_quads(self._light, self._rays, self._cones, scene.quads, scene.boards, order, self._spheres, *poses, turn)
         _develop(image, self._light, self._gain, self._noise, offsets)
         return image
 
@@ -130,7 +124,7 @@ class Renderer:
         times = stamp + self._exposure * ((np.arange(n) + 0.5) / n - 0.5)
         R_wc, centres = camera_poses(self._camera, pose_at, times)
         pixel = BACKGROUND_SCALE / float(self._camera.focal[0])
-        paint_background(self._background, self._background_rays, self._scene.ground, R_wc, centres, pixel)
+        paint_background(self._background, self._background_rays, self._ground, R_wc, centres, pixel)
 
 
 def ray_grid(camera: CameraModel, width: int, height: int) -> Image:

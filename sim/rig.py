@@ -95,9 +95,7 @@ class ModelledWorker:
     async def run(self, name: str, function: Callable[[], T]) -> T:
         """``function()``, available after the configured seconds for ``name``."""
         result = function()
-        cost: float = self._costs[name]
-        if cost > 0.0:
-            await asyncio.sleep(cost)
+        await asyncio.sleep(self._costs[name])
         return result
 
     def close(self) -> None:

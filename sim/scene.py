@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.track import Gate, GateShape, Track
-from sim.ground import Ground, make_ground
 
 NOT_DRAWN = -1.0
 """Shade of a side that cannot be seen."""
@@ -65,11 +64,12 @@ class Scene:
 
     quads: Quads
     boards: Boards
-    ground: Ground
+    seed: int
+    """Varies brightness, contrast and the ground."""
 
     @classmethod
     def from_track(cls, track: Track, seed: int = 0) -> "Scene":
-        """The scene of the true ``track``; ``seed`` varies brightness, contrast and the ground."""
+        """The scene of the true ``track``."""
         rng = np.random.default_rng(seed)
         dictionary = marker_dictionary(track.gate.dictionary)
         frames = [_gate_quad(gate, track.gate, rng) for gate in track.gates]
@@ -77,7 +77,7 @@ class Scene:
         return cls(
             _stack(frames + faces, track.gate.marker_count, len(frames)),
             _make_boards(track, dictionary, rng),
-            make_ground(rng),
+            seed,
         )
 
 

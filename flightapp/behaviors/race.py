@@ -1,5 +1,6 @@
 """Flying through the gates of the map, in order, as they become known."""
 
+import asyncio
 import math
 from dataclasses import replace
 
@@ -17,6 +18,10 @@ from flightapp.planning.scan import heading, yaw_scan
 
 MISS = 2.0
 """Openings from a gate's centre within which a crossing of its plane counts as a miss, not as passing by."""
+
+
+WATCH_INTERVAL = 0.02
+"""s between looks at the progress; a crossing between two looks is still seen where it was."""
 
 
 class Race(Behavior):
@@ -38,6 +43,7 @@ class Race(Behavior):
         reader = Reader(bus.state)
         before = await reader.newest()
         while True:
+            await asyncio.sleep(WATCH_INTERVAL)
             state = await reader.newest()
             gate = self._next_gate()
             if gate is not None:
