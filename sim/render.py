@@ -48,15 +48,24 @@ def _develop(out: NDArray[np.uint8], light: Image, gain: Image, noise: Image, of
             out[row, column] = np.uint8(min(max(level + np.float32(0.5), np.float32(0.0)), np.float32(255.0)))
 
 
+@kernel
+def _mounted(position: Vector, q_wb: Vector, R_bc: Vector, p_bc: Vector, R_wc: Vector, centre: Vector) -> None:
+    R_wb = quat_to_matrix(q_wb)
+    for i in range(3):
+        centre[i] = position[i]
+        for k in range(3):
+            centre[i] += R_wb[i, k] * p_bc[k]
+        for j in range(3):
+            R_wc[i, j] = R_wb[i, 0] * R_bc[0, j] + R_wb[i, 1] * R_bc[1, j] + R_wb[i, 2] * R_bc[2, j]
+
+
 def camera_poses(camera: CameraModel, pose_at: PoseAt, stamps: Vector) -> tuple[Vector, Vector]:
     """Rotations R_wc (n, 3, 3) and centres (n, 3) m, world, of the camera at each of ``stamps`` (n,)."""
     R_wc = np.empty((len(stamps), 3, 3))
     centres = np.empty((len(stamps), 3))
-    for i, stamp in enumerate(stamps):
-        position, orientation = pose_at(float(stamp))
-        R_wb = quat_to_matrix(orientation)
-        R_wc[i] = R_wb @ camera.R_bc
-        centres[i] = position + R_wb @ camera.p_bc
+    for i, stamp in enumerate(stamps.tolist()):
+        position, orientation = pose_at(stamp)
+        _mounted(position, orientation, camera.R_bc, camera.p_bc, R_wc[i], centres[i])
     return R_wc, centres
 
 

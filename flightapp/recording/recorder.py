@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 from flightapp.channel import Topic
@@ -42,11 +43,8 @@ class Recorder:
     def tap(self, topic: Topic[T], name: str | None = None, *, every: int = 1) -> None:
         """Record one in ``every`` messages of ``topic`` from now on, as ``name`` (the topic's own, if None)."""
         take = self._put if self._thread is not None else self._write
-        label = topic.name if name is None else name
-        if every == 1:
-            topic.tap(lambda message: take(label, message))
-        else:
-            topic.tap(_thinned(take, label, every))
+        tap = partial(take, topic.name if name is None else name)
+        topic.tap(tap if every == 1 else _thinned(tap, every))
 
     def close(self, **entries: str) -> None:
         """Write what waits, add ``entries`` (such as the outcome) to the log's header and close the log.
@@ -84,13 +82,13 @@ class Recorder:
                 self._write(*self._queue.popleft())
 
 
-def _thinned(take: Callable[[str, object], None], name: str, every: int) -> Callable[[object], None]:
+def _thinned(take: Callable[[object], None], every: int) -> Callable[[object], None]:
     count = 0
 
     def tap(message: object) -> None:
         nonlocal count
         if count % every == 0:
-            take(name, message)
+            take(message)
         count += 1
 
     return tap

@@ -85,9 +85,7 @@ class FlightLog:
         self._durable = durable
         self._context = Context()
         options = MCAPWriteOptions(
-            compression=MCAPCompression.Zstd,
-            compression_level=1,
-            compression_threads=0,
+            compression=MCAPCompression.Lz4,
             profile=PROFILE,
             chunk_size=CHUNK_SIZE,
             disable_seeking=True,
