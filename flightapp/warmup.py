@@ -40,6 +40,7 @@ def warm_up(config: Config, track: Track, spare: Modules) -> None:
     limits = Limits(config.race.v_max, config.race.a_max, config.vehicle.yaw_rate_max)
     request = PlanRequest(0.1, start, (gate,), 2.0 * AHEAD, limits)
     trajectory = spare.planner.plan(request)
+    trajectory.setpoint(0.2)
     spare.planner.through(np.array([AHEAD]), request)
     if state is not None and beyond is not None:
         spare.controller.command(0.015, state, trajectory)

@@ -6,7 +6,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
+from flightapp.frames import quat_yaw
 from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
@@ -14,6 +16,7 @@ from flightapp.track import Track
 from flightapp.worker import ThreadWorker
 from sim.clock import RealtimeLoop, VirtualLoop
 from sim.corner_camera import CornerCamera
+from sim.position_control import PositionController
 from sim.render import Renderer
 from sim.scene import Scene
 from sim.survey import survey
@@ -137,7 +140,11 @@ def _exercise(config: Config, track: Track) -> None:
     now[0] = 0.1
     world.advance()
     camera.expose(0.05, 0)
-    make_tracker(config, 0).sample(world.state_at(0.05))
+    truth = world.state_at(0.05)
+    make_tracker(config, 0).sample(truth)
+    controller = PositionController(ThrustMap(config.vehicle.hover_thrust, config.vehicle.thrust_curve))
+    controller.reset(truth.position, truth.velocity, float(quat_yaw(truth.orientation)))
+    controller.command(truth.position.copy(), truth.velocity.copy(), truth.orientation.copy(), 0.01)
 
 
 def _number(seed: np.random.SeedSequence) -> int:

@@ -4,7 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import flightapp.control.flatness as flatness
+from flightapp.control import flatness
 from flightapp.jitcache import sources
 
 
