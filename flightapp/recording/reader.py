@@ -20,7 +20,6 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, breakup_chunk
-from zstandard import ZstdError
 
 from flightapp.evaluation.flight import Commands, Flight, Motions, Poses, Setpoints, States
 from flightapp.inputs import BadInputError
@@ -49,7 +48,7 @@ _DAMAGE = (
     DecodeError,
     McapError,
     CRCValidationError,
-    ZstdError,
+    RuntimeError,
     struct.error,
     ArithmeticError,
     LookupError,

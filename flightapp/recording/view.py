@@ -33,7 +33,7 @@ from flightapp.frames import Vector
 from flightapp.messages import Event, Frame, GateEstimate, GateMap, VehicleState
 from flightapp.trajectory import Trajectory, hover
 
-TRANSFORM_INTERVAL = 0.1
+TRANSFORM_INTERVAL = 1.0 / 30.0
 MAP_INTERVAL = 0.2
 LINE_POINTS = 120
 JPEG_QUALITY = 80
