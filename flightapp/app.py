@@ -128,7 +128,7 @@ def _wire(
             "detection": tasks.detection(rig, bus, modules, config, known),
             "estimation": tasks.estimation(rig, bus, modules.estimator),
             "mapping": tasks.mapping(rig, bus, modules.mapper),
-            "planning": tasks.planning(rig, bus, modules, line),
+            "planning": tasks.planning(rig, bus, modules, config, known, line),
             "control": tasks.control(rig, bus, modules, line, Ticker(config.control.rate)),
             "health": tasks.health(bus, config, line),
         }

@@ -13,14 +13,15 @@ from flightapp.control.flatness import ControllerError
 from flightapp.estimation.history import PoseHistory
 from flightapp.frames import Vector
 from flightapp.interfaces import Controller, Detector, Estimator, Mapper, Planner, PlanningError, PlanRequest, Rig
-from flightapp.messages import Event, Frame, PlanReport, Sightings
+from flightapp.messages import Event, Frame, GateEstimate, PlanReport, Sightings
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.regions import expected_regions
+from flightapp.planning.clearance import touched_frame
 from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
 from flightapp.timing import Ticker
-from flightapp.track import Track
+from flightapp.track import GateShape, Track
 from flightapp.trajectory import Trajectory
 
 
@@ -100,7 +101,7 @@ async def mapping(rig: Rig, bus: Bus, mapper: Mapper) -> None:
             bus.gate_map.publish(gate_map)
 
 
-async def planning(rig: Rig, bus: Bus, modules: Modules, line: Line) -> None:
+async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, track: Track, line: Line) -> None:
     """Goal and gate map → trajectory, when either has changed enough."""
     changed = asyncio.Event()
     bus.goal.tap(lambda _: changed.set())
@@ -116,7 +117,9 @@ async def planning(rig: Rig, bus: Bus, modules: Modules, line: Line) -> None:
             continue
         asked = now()
         try:
-            trajectory = await rig.worker.run("plan", partial(_plan, modules.planner, goal, request))
+            gates = modules.navigator.known(bus.gate_map.latest)
+            work = partial(_plan, modules.planner, goal, request, gates, track.gate, config.vehicle.radius)
+            trajectory = await rig.worker.run("plan", work)
         except PlanningError as error:
             bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
             continue
@@ -130,10 +133,20 @@ async def planning(rig: Rig, bus: Bus, modules: Modules, line: Line) -> None:
         bus.plan.publish(PlanReport(asked, now() - asked, True, ""))
 
 
-def _plan(planner: Planner, goal: Goal, request: PlanRequest) -> Trajectory:
-    if goal.waypoints is None:
-        return planner.plan(request)
-    return planner.through(goal.waypoints, request)
+def _plan(
+    planner: Planner,
+    goal: Goal,
+    request: PlanRequest,
+    gates: Sequence[GateEstimate],
+    shape: GateShape,
+    radius: float,
+) -> Trajectory:
+    if goal.waypoints is not None:
+        return planner.through(goal.waypoints, request)
+    trajectory = planner.plan(request)
+    if touched := touched_frame(trajectory, gates, shape, radius):
+        raise PlanningError(f"leads into the frame of gate {touched.gate_id}")
+    return trajectory
 
 
 async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Ticker) -> None:

@@ -1,27 +1,106 @@
-"""How fast the simulation alone is."""
+"""How fast vehicle and control alone fly, without sensors and tasks."""
 
+import math
 from collections.abc import Callable
 
-from sim.plant import Plant
-from sim.vehicles import VehicleParameters, load_vehicle
+import numpy as np
 
-SIMULATED = 10.0
-"""s of flight in one measurement."""
-PERIOD = 0.004
-"""s between commands."""
+from flightapp.config import Config, load_config
+from flightapp.control.flatness import flatness_command
+from flightapp.control.parameters import parameters_of
+from flightapp.control.prediction import ENTRY, HISTORY
+from flightapp.frames import Vector
+from flightapp.interfaces import Limits, Motion, PlanRequest
+from flightapp.jit import kernel
+from flightapp.planning.polynomial import PolynomialPlanner
+from flightapp.trajectory import Trajectory
+from sim import layout as at
+from sim.dynamics import advance
+from sim.plant import Plant
+from sim.vehicles import load_vehicle
+
+STEPS = 4
+"""Steps of 1 ms between commands."""
+LAPS = 5
+
+
+@kernel
+def _fly(
+    memory: Vector,
+    ticks: int,
+    throttle: float,
+    delay: float,
+    parameters: Vector,
+    knots: Vector,
+    coefficients: Vector,
+    yaw_knots: Vector,
+    yaw_coefficients: Vector,
+) -> float:
+    """Fly so many ticks along a trajectory that starts at 0; the greatest distance from it, m.
+
+    ``throttle`` is what one m/s² of specific force takes, ``delay`` s what a command takes to arrive.
+    """
+    state, reference, scratch = np.empty(14), np.empty(17), np.zeros(37)
+    history, learnt = np.zeros((HISTORY, ENTRY)), np.zeros(4)
+    worst = 0.0
+    for tick in range(ticks):
+        now = memory[at.CONSTANTS + at.P_STEP] * memory[at.STEPS]
+        state[0] = now
+        for k in range(13):
+            state[1 + k] = memory[at.POSITION + k]
+        args = (knots, coefficients, yaw_knots, yaw_coefficients)
+        thrust = flatness_command(parameters, now, state, 0.0, *args, history, tick, learnt, scratch)
+        row = at.QUEUE + tick % at.QUEUE_ROWS * at.QUEUE_COLUMNS
+        memory[row] = now + delay
+        for k in range(3):
+            memory[row + 1 + k] = scratch[k]
+        memory[row + 4] = min(max(throttle * thrust, 0.0), 1.0)
+        memory[at.QUEUE_TAIL] = tick + 1.0
+        if memory[at.NOISE_ROW] + STEPS > at.NOISE_ROWS:
+            memory[at.NOISE_ROW] = 0.0
+        error = 0.0
+        for k in range(3):
+            error += (memory[at.POSITION + k] - reference[k]) ** 2
+        if tick > 0:
+            worst = max(worst, error)
+        advance(memory, 1, STEPS)
+        evaluate_position(now + 0.001 * STEPS, knots, coefficients, reference)
+    return math.sqrt(worst)
+
+
+@kernel
+def evaluate_position(t: float, knots: Vector, coefficients: Vector, out: Vector) -> None:
+    """Position (3,) at ``t`` of a trajectory's pieces, into ``out``."""
+    i = min(max(int(np.searchsorted(knots, t, side="right")) - 1, 0), knots.size - 2)
+    s = min(t, knots[-1]) - knots[i]
+    for axis in range(3):
+        value = 0.0
+        for k in range(coefficients.shape[2] - 1, -1, -1):
+            value = value * s + coefficients[i, axis, k]
+        out[axis] = value
+
+
+def course(laps: int) -> Trajectory:
+    """So many laps of the paper's lemniscate at up to 5 m/s, 50 m up."""
+    angle = np.linspace(0.0, 2.0 * math.pi * laps, 20 * laps + 1)[1:]
+    points = np.column_stack((5.5 * np.sin(angle), 2.75 * np.sin(2.0 * angle), np.full(angle.size, 50.0)))
+    rest = np.zeros(3)
+    start = Motion(np.array((0.0, 0.0, 50.0)), rest, rest, rest, 0.0, 0.0)
+    request = PlanRequest(0.0, start, (), points[-1], Limits(5.0, 8.0, 3.0))
+    return PolynomialPlanner(Config()).through(points[:-1], request)
+
+
+def laps(config: Config, line: Trajectory) -> float:
+    """Fly ``line`` with the racing vehicle in gusts; the greatest distance from it, m."""
+    vehicle = load_vehicle("racer")
+    plant = Plant(vehicle, 0, wind=1.0, gust=0.5, position=(0.0, 0.0, 50.0))
+    plant.command(0.0, (0.0, 0.0, 0.0), vehicle.hover_thrust)
+    plant.advance(1e-3)
+    plant.drop_pending()
+    return plant.fly_compiled(_fly, config, line)
 
 
 def rows() -> list[tuple[str, float, Callable[[], object]]]:
     """Name, simulated seconds and the function that simulates them."""
-    vehicle = load_vehicle("racer")
-    return [("sim_vehicle", SIMULATED, lambda: _hover(vehicle))]
-
-
-def _hover(vehicle: VehicleParameters) -> Plant:
-    plant = Plant(vehicle, 0, wind=1.0, gust=0.5, position=(0.0, 0.0, 50.0))
-    throttle = vehicle.hover_thrust
-    for tick in range(int(SIMULATED / PERIOD)):
-        now = tick * PERIOD
-        plant.command(now, (0.1, -0.1, 0.2), throttle)
-        plant.advance(now + PERIOD)
-    return plant
+    config, line = load_config(), course(LAPS)
+    return [("sim_vehicle", line.duration, lambda: laps(config, line))]

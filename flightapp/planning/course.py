@@ -13,8 +13,8 @@ import numpy as np
 from flightapp.frames import Vector
 from flightapp.messages import GateEstimate
 
-EXIT_RUN = 1.5
-"""m beyond a passed gate at which a course may end at the earliest."""
+EXIT_RUN = 2.5
+"""m straight out of a passed gate before which a course may not end: turning earlier would end in its frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +60,14 @@ def course(
 
 
 def _wait_before(gate: GateEstimate, known: list[GateEstimate], origin: Vector, standoff: float) -> Vector:
-    """Where to wait for ``gate``: on the straight way to it, at its height, a standoff away."""
+    """Where to wait for ``gate``: on the straight way to it, a standoff away, but clear of the gate before."""
     last = known[-1] if known else None
     before = last.position if last else origin
     way = gate.position - before
     distance = math.hypot(way[0], way[1])
-    if last:
-        along = np.array((math.cos(last.yaw), math.sin(last.yaw), 0.0))
-        if distance - standoff < EXIT_RUN:
-            return before + EXIT_RUN * along
-    elif distance <= standoff:
-        return origin.copy()
-    return before + way * (1.0 - standoff / distance)
+    share = max(1.0 - standoff / distance, 0.0) if distance > 0.0 else 0.0
+    point: Vector = before + share * way
+    if last is not None:
+        out = np.array((math.cos(last.yaw), math.sin(last.yaw), 0.0))
+        point += max(EXIT_RUN - float(out @ (point - before)), 0.0) * out
+    return point

@@ -8,13 +8,13 @@ from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.interfaces import PlanRequest
 from flightapp.messages import GateEstimate, GateMap
-from flightapp.planning.course import Course, course
+from flightapp.planning.course import Course, course, is_known
 from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.trajectory import Trajectory
 
-FROZEN = 0.3
-"""s before a gate from which on its waypoint is not moved any more."""
+FROZEN = 0.45
+"""s before a gate in which it is flown through as planned: a new plan could only meet it with a detour."""
 
 
 class Navigator:
@@ -34,6 +34,8 @@ class Navigator:
         if not fresh and (goal.waypoints is not None or now < self._asked + self._config.planning.replan_interval):
             return None
         stamp = now + self._config.planning.lead
+        if not fresh and self._gate_is_near(line.latest, stamp):
+            return None
         start = line.motion(stamp)
         leg = self._course(goal, gate_map, line.latest, stamp, start.position)
         self.waiting_for = leg.waiting_for
@@ -55,29 +57,35 @@ class Navigator:
         if not goal.gate_ids or gate_map is None:
             return Course((), goal.end, None)
         by_id = {gate.gate_id: gate for gate in gate_map.gates}
-        passed, frozen = self._progress(goal, flown, stamp)
-        ahead: list[GateEstimate] = [by_id[gate_id] for gate_id in goal.gate_ids[passed:]]
-        if frozen is not None and ahead and ahead[0].gate_id == frozen.gate_id:
-            ahead[0] = frozen
+        ahead = [by_id[gate_id] for gate_id in goal.gate_ids[self._passed(goal, flown, stamp) :]]
         race = self._config.race
         return course(ahead, origin, goal.end, self._config.mapping.known_sigma, race.standoff)
 
-    def _progress(self, goal: Goal, flown: Trajectory | None, stamp: float) -> tuple[int, GateEstimate | None]:
-        """How many gates will be behind at ``stamp`` by the plan, and the gate that is too near to be moved."""
+    def known(self, gate_map: GateMap | None) -> tuple[GateEstimate, ...]:
+        """The gates whose frames a plan must keep clear of."""
+        if gate_map is None:
+            return ()
+        return tuple(gate for gate in gate_map.gates if is_known(gate, self._config.mapping.known_sigma))
+
+    def _gate_is_near(self, flown: Trajectory | None, stamp: float) -> bool:
+        if flown is None:
+            return False
+        return any(stamp < flown.stamp + time <= stamp + FROZEN for time in flown.gate_times)
+
+    def _passed(self, goal: Goal, flown: Trajectory | None, stamp: float) -> int:
+        """How many gates will be behind at ``stamp`` by the plan."""
         passed = goal.passed
         if flown is None or goal.serial != self._serial:
-            return passed, None
-        ahead = list(zip(flown.gate_ids, flown.gate_times, strict=True))
-        crossed = [gate_id for gate_id, time in ahead if flown.stamp + time <= stamp]
-        while crossed and passed < len(goal.gate_ids):
-            if goal.gate_ids[passed] not in crossed:
-                break
+            return passed
+        crossed = [
+            gate_id
+            for gate_id, time in zip(flown.gate_ids, flown.gate_times, strict=True)
+            if flown.stamp + time <= stamp
+        ]
+        while passed < len(goal.gate_ids) and goal.gate_ids[passed] in crossed:
             crossed = crossed[crossed.index(goal.gate_ids[passed]) + 1 :]
             passed += 1
-        for gate, (_, time) in zip(self._planned, ahead, strict=False):
-            if stamp < flown.stamp + time <= stamp + FROZEN:
-                return passed, gate
-        return passed, None
+        return passed
 
     def _changed(self, leg: Course) -> bool:
         limit = self._config.planning.replan_distance

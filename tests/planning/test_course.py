@@ -69,3 +69,11 @@ def test_the_waiting_point_keeps_the_standoff_wherever_the_gate_is(x, y, standof
     leg = course([unknown], START, FINISH, 0.3, standoff)
     distance = math.hypot(*(leg.end - unknown.position)[:2])
     assert distance >= min(standoff, math.hypot(x, y)) - 1e-9
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-12.0, 12.0), st.floats(-12.0, 12.0))
+def test_a_course_always_leads_clear_of_the_frame_of_the_gate_before(yaw, x, y):
+    known = gate(1, 0.0, yaw=yaw)
+    leg = course([known, gate(2, x, y, sigma=1.5)], START, FINISH, 0.3, 4.0)
+    out = math.cos(yaw) * leg.end[0] + math.sin(yaw) * leg.end[1]
+    assert out >= EXIT_RUN - 1e-9

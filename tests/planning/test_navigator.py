@@ -80,15 +80,15 @@ def test_gates_that_will_be_behind_when_the_plan_begins_are_left_out(flying):
     assert [g.gate_id for g in request.gates] == [2]
 
 
-def test_a_gate_that_is_too_near_keeps_its_waypoint(flying):
+def test_a_gate_that_is_near_is_flown_through_as_planned(flying):
     navigator, goal, _, line, first = flying
     line.at(first.stamp)
     moved = gate_map(gate(1, 8.0, 0.4), gate(2, 16.0, 0.5))
-    now = first.stamp + 2.0 - CONFIG.planning.lead - 0.5 * FROZEN
-    request = navigator.request(now, goal, moved, line)
-    assert request is not None
-    assert request.gates[0].position[1] == 0.0
-    assert request.gates[1].position[1] == 0.5
+    gate_stamp = first.stamp + 2.0
+    assert navigator.request(gate_stamp - CONFIG.planning.lead - 0.5 * FROZEN, goal, moved, line) is None
+    behind = navigator.request(gate_stamp - CONFIG.planning.lead + 0.01, goal, moved, line)
+    assert behind is not None
+    assert [g.gate_id for g in behind.gates] == [2]
 
 
 def test_a_gate_that_became_known_extends_the_course():
