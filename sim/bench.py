@@ -9,11 +9,11 @@ from flightapp.config import Config, load_config
 from flightapp.control.flatness import flatness_command
 from flightapp.control.parameters import parameters_of
 from flightapp.control.prediction import ENTRY, HISTORY
-from flightapp.frames import Vector
+from flightapp.frames import GRAVITY, Vector
 from flightapp.interfaces import Limits, Motion, PlanRequest
 from flightapp.jit import kernel
 from flightapp.planning.polynomial import PolynomialPlanner
-from flightapp.trajectory import Trajectory
+from flightapp.trajectory import Trajectory, evaluate
 from sim import layout as at
 from sim.dynamics import advance
 from sim.plant import Plant
@@ -48,8 +48,13 @@ def _fly(
         state[0] = now
         for k in range(13):
             state[1 + k] = memory[at.POSITION + k]
-        args = (knots, coefficients, yaw_knots, yaw_coefficients)
-        thrust = flatness_command(parameters, now, state, 0.0, *args, history, tick, learnt, scratch)
+        evaluate(knots, coefficients, yaw_knots, yaw_coefficients, now, reference)
+        error = 0.0
+        for k in range(3):
+            error += (memory[at.POSITION + k] - reference[k]) ** 2
+        worst = max(worst, error)
+        pieces = (knots, coefficients, yaw_knots, yaw_coefficients)
+        thrust = flatness_command(parameters, now, state, 0.0, *pieces, history, tick, learnt, scratch)
         row = at.QUEUE + tick % at.QUEUE_ROWS * at.QUEUE_COLUMNS
         memory[row] = now + delay
         for k in range(3):
@@ -58,26 +63,8 @@ def _fly(
         memory[at.QUEUE_TAIL] = tick + 1.0
         if memory[at.NOISE_ROW] + STEPS > at.NOISE_ROWS:
             memory[at.NOISE_ROW] = 0.0
-        error = 0.0
-        for k in range(3):
-            error += (memory[at.POSITION + k] - reference[k]) ** 2
-        if tick > 0:
-            worst = max(worst, error)
         advance(memory, 1, STEPS)
-        evaluate_position(now + 0.001 * STEPS, knots, coefficients, reference)
     return math.sqrt(worst)
-
-
-@kernel
-def evaluate_position(t: float, knots: Vector, coefficients: Vector, out: Vector) -> None:
-    """Position (3,) at ``t`` of a trajectory's pieces, into ``out``."""
-    i = min(max(int(np.searchsorted(knots, t, side="right")) - 1, 0), knots.size - 2)
-    s = min(t, knots[-1]) - knots[i]
-    for axis in range(3):
-        value = 0.0
-        for k in range(coefficients.shape[2] - 1, -1, -1):
-            value = value * s + coefficients[i, axis, k]
-        out[axis] = value
 
 
 def course(laps: int) -> Trajectory:
@@ -91,13 +78,16 @@ def course(laps: int) -> Trajectory:
 
 
 def laps(config: Config, line: Trajectory) -> float:
-    """Fly ``line`` with the racing vehicle in gusts; the greatest distance from it, m."""
+    """Fly ``line`` with the racing vehicle in wind and gusts; the greatest distance from it, m."""
     vehicle = load_vehicle("racer")
     plant = Plant(vehicle, 0, wind=1.0, gust=0.5, position=(0.0, 0.0, 50.0))
     plant.command(0.0, (0.0, 0.0, 0.0), vehicle.hover_thrust)
-    plant.advance(1e-3)
+    plant.advance(0.001)
     plant.drop_pending()
-    return plant.fly_compiled(_fly, config, line)
+    pieces = (line.knots, line.coefficients, line.yaw_knots, line.yaw_coefficients)
+    ticks = int(line.duration / (0.001 * STEPS))
+    throttle = config.vehicle.hover_thrust / GRAVITY
+    return _fly(plant.memory, ticks, throttle, vehicle.delay, np.array(parameters_of(config)), *pieces)
 
 
 def rows() -> list[tuple[str, float, Callable[[], object]]]:

@@ -79,6 +79,11 @@ class Plant:
         return S
 
     @property
+    def memory(self) -> Vector:
+        """All of the vehicle's numbers, packed as `layout` says, for kernels that fly it themselves."""
+        return self._memory
+
+    @property
     def time(self) -> float:
         """The moment of the newest state, s."""
         return self._start + self._count * self._step

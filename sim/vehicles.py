@@ -1,5 +1,6 @@
 """Simulated vehicles: what they are made of, read from ``vehicles.toml``."""
 
+import functools
 import math
 import tomllib
 from importlib import resources
@@ -161,6 +162,7 @@ def vehicle_names() -> list[str]:
     return list(_tables())
 
 
+@functools.cache
 def load_vehicle(name: str) -> VehicleParameters:
     """The simulated vehicle ``name``; raises `BadInputError` that names those there are."""
     tables = _tables()
