@@ -109,7 +109,7 @@ def _codes(dictionary: Any) -> NDArray[np.uint8]:
 def _parameters() -> Any:
     """Settings with which OpenCV finds as many quads of 15 to 70 px a side as by default, in less time."""
     parameters = cv2.aruco.DetectorParameters()
-    parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 11
+    parameters.adaptiveThreshWinSizeMin = parameters.adaptiveThreshWinSizeMax = 9
     parameters.minDistanceToBorder = 1
     # Of quads inside each other OpenCV would keep one, and not always the marker: here the code decides.
     parameters.minMarkerDistanceRate = 0.05
