@@ -66,8 +66,7 @@ async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track:
 
 
 def _see(modules: Modules, regions: Sequence[Vector] | None, frame: Frame) -> Sightings:
-    # a camera that finds markers itself sends no image
-    markers = frame.markers if frame.image is None else modules.detector.detect(frame, regions)
+    markers = modules.detector.detect(frame, regions)
     return Sightings(frame.stamp, frame.sequence, markers, modules.gate_pose.solve(frame.stamp, markers))
 
 
