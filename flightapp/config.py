@@ -101,7 +101,6 @@ class Estimation(Section):
     """Vehicle state."""
 
     estimator: str = Field("t265", description="entry point in flightapp.estimators")
-    max_age: Finite = Field(0.1, gt=0.0, le=1.0, description="s, older poses are refused")
     max_jump: Finite = Field(0.5, gt=0.0, le=5.0, description="m between samples, beyond what the speed explains")
     position_noise: Finite = Field(0.02, gt=0.0, le=1.0, description="m, standard deviation")
     velocity_noise: Finite = Field(0.05, gt=0.0, le=2.0, description="m/s, standard deviation")

@@ -322,7 +322,6 @@ def test_an_existing_log_is_never_overwritten(tmp_path):
     assert path.read_bytes() == b"precious"
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux's /dev/full")
 def test_full_disk_is_told_at_the_end_not_in_flight(rng, monkeypatch):
     real = Path.open
     monkeypatch.setattr(Path, "open", lambda self, mode="r", **options: real(self, "wb", **options))
