@@ -6,19 +6,21 @@ The only file that knows every part.
 import asyncio
 import time
 from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from flightapp import tasks
 from flightapp.autopilot.guard import CommandGuard
+from flightapp.autopilot.sender import SenderReport
 from flightapp.behaviors.base import Context, Coordinator
 from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
 from flightapp.interfaces import Rig
 from flightapp.mapping.slam import SlamMapper
-from flightapp.messages import Outcome
+from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
 from flightapp.mission.loader import MissionFile, load_mission
 from flightapp.mission.machine import MissionMachine
@@ -28,12 +30,13 @@ from flightapp.perception.camera import CameraModel
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
+from flightapp.realtime import RealtimeReport, RealtimeSession, describe, undisturbed
 from flightapp.recording.applog import AppLog
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
-from flightapp.timing import Ticker
+from flightapp.timing import KernelTicker, Ticker
 from flightapp.track import Track
-from flightapp.warmup import undisturbed, warm_up
+from flightapp.warmup import warm_up
 
 Watch = Callable[[Bus, Rig], None]
 """Called once everything is wired, to attach a display."""
@@ -83,7 +86,9 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
     async def main() -> Flown:
         spare = choose_modules(config, mission.track, config.camera.model())
         warm_up(config, mission.track, spare)
-        rig: Rig = rig_class(config, mission.track, plan.seed)
+        session = RealtimeSession(config.realtime)
+        with session.adopting("the link"):
+            rig: Rig = rig_class(config, mission.track, plan.seed)
         plan.out.mkdir(parents=True, exist_ok=True)
         text = dump_config(config)
         (plan.out / "config.toml").write_text(text, encoding="utf-8")
@@ -91,29 +96,50 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         header = {"mission": mission.name, "seed": str(plan.seed), "track": track, "config": text}
         log = FlightLog(plan.out / "flight.mcap", header=header, opening=mission.track.gate.opening)
         recorder = Recorder(log, threaded=plan.realtime)
-        ending = Ending(Outcome.PROCESS_FAILURE, "not started")
+        entries = {"outcome": Outcome.PROCESS_FAILURE.value, "reason": "not started"}
         try:
-            with AppLog(plan.out / "app.log") as app_log:
-                flight = _wire(mission, config, rig, recorder, app_log, watch)
+            with AppLog(plan.out / "app.log") as app_log, _ticker(config, plan.realtime) as ticker:
+                flight = _wire(mission, config, rig, recorder, app_log, ticker, watch)
                 begin, wall = tasks.now(), time.perf_counter()
-                with undisturbed():
-                    ending = await flight()
+                with undisturbed(), session if plan.realtime else nullcontext():
+                    ending = await flight.run(session.report)
+                entries = {"outcome": ending.outcome.value, "reason": ending.reason, "sender": flight.report()}
         finally:
-            recorder.close(outcome=ending.outcome, reason=ending.reason)
+            recorder.close(**entries)
         return Flown(mission.name, plan.seed, ending, tasks.now() - begin, time.perf_counter() - wall, plan.out)
 
     with asyncio.Runner(loop_factory=rig_class.loop_factory(plan.realtime)) as runner:
         return runner.run(main())
 
 
+def _ticker(config: Config, realtime: bool) -> Ticker:
+    return KernelTicker(config.control.rate) if realtime else Ticker(config.control.rate)
+
+
+@dataclass(frozen=True, slots=True)
+class _Flight:
+    """Everything connected, ready to fly."""
+
+    run: Callable[[RealtimeReport], Awaitable[Ending]]
+    report: Callable[[], str]
+    """How the sender did, for the log's header."""
+
+
 def _wire(
-    mission: MissionFile, config: Config, rig: Rig, recorder: Recorder, app_log: AppLog, watch: Watch | None
-) -> Callable[[], Awaitable[Ending]]:
-    """Connect everything; what is returned flies."""
+    mission: MissionFile,
+    config: Config,
+    rig: Rig,
+    recorder: Recorder,
+    app_log: AppLog,
+    ticker: Ticker,
+    watch: Watch | None,
+) -> _Flight:
+    """Connect everything."""
     bus, line = Bus(), Line()
     _record(recorder, bus, rig, config)
     bus.event.tap(app_log.write)
     bus.fault.tap(bus.event.publish)
+    rig.autopilot.notices.tap(bus.event.publish)
     known = rig.survey(mission.track)
     modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)
@@ -122,23 +148,27 @@ def _wire(
     if watch is not None:
         watch(bus, rig)
 
-    async def flight() -> Ending:
+    async def run(granted: RealtimeReport) -> Ending:
         work: dict[str, Coroutine[Any, Any, None]] = {
             "camera": tasks.camera(rig, bus),
             "detection": tasks.detection(rig, bus, modules, config, known),
             "estimation": tasks.estimation(rig, bus, modules.estimator),
             "mapping": tasks.mapping(rig, bus, modules.mapper),
             "planning": tasks.planning(rig, bus, modules, config, known, line),
-            "control": tasks.control(rig, bus, modules, line, Ticker(config.control.rate)),
-            "health": tasks.health(bus, config, line),
+            "control": tasks.control(rig, bus, modules, line, ticker),
+            "health": tasks.health(rig, bus, config, line),
         }
+        if isinstance(ticker, KernelTicker):
+            work["load"] = tasks.load(bus)
+            bus.event.publish(Event(tasks.now(), "realtime", describe(granted)))
         try:
             return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
         finally:
             await rig.autopilot.close()
             rig.worker.close()
+            await rig.close()
 
-    return flight
+    return _Flight(run, lambda: SenderReport(ticker.statistics(), modules.guard.counts).entry())
 
 
 def _modules(config: Config) -> dict[str, str]:
@@ -176,10 +206,11 @@ def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:
         bus.setpoint,
         bus.command,
         bus.event,
+        bus.load,
         rig.autopilot.status,
     ]
     if rig.truth is not None:
-        topics += [rig.truth.motion, rig.truth.passages, rig.truth.collisions, rig.truth.gates]
+        topics += [rig.truth.motion, rig.truth.passages, rig.truth.collisions, rig.truth.gates, rig.truth.arrivals]
     for topic in topics:
         recorder.tap(topic)
     if config.recording.images:

@@ -6,7 +6,7 @@ import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -130,26 +130,40 @@ def _commands(
     return total
 
 
-def _control() -> Iterator[Row]:
-    config = Config()
-    line = _plan(config, 6)
+def compiled_commands(config: Config, line: Trajectory) -> Callable[[], float]:
+    """Makes a batch of commands along ``line`` in compiled code, each with a prediction over the configured delay."""
     state = np.array((0.0, 0.0, 0.0, 1.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     pieces = (line.knots, line.coefficients, line.yaw_knots, line.yaw_coefficients)
     parameters, history = np.array(parameters_of(config)), np.zeros((HISTORY, ENTRY))
-    yield measure("controller", lambda: _commands(parameters, state, *pieces, history, BATCH), 200, BATCH)
-    controller, guard = FlatnessController(config), CommandGuard(config)
-    status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 1.0)
-    clock = _clock(0.004)
+    return lambda: _commands(parameters, state, *pieces, history, BATCH)
+
+
+def python_commands(config: Config, line: Trajectory) -> Callable[[], RateCommand]:
+    """Makes one command after the other along ``line``, as an application does."""
+    controller, clock = FlatnessController(config), _clock(0.004)
 
     def command() -> RateCommand:
         stamp = next(clock)
         return controller.command(stamp, _state(stamp - 0.003), line)
 
+    return command
+
+
+def _control() -> Iterator[Row]:
+    config = Config()
+    line = _plan(config, 6)
+    yield measure("controller", compiled_commands(config, line), 200, BATCH)
+    command, guard = python_commands(config, line), CommandGuard(config)
     yield measure("controller_from_python", command, 20000)
+    status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 1.0)
     topics: tuple[Topic[Any], Topic[Any]] = (Topic("setpoint"), Topic("command"))
 
     def tick() -> None:
-        safe = guard.check(wanted := command(), wanted.stamp, status)
+        nonlocal status
+        wanted = command()
+        if wanted.stamp - status.stamp > 0.1:
+            status = replace(status, stamp=wanted.stamp)
+        safe = guard.check(wanted, wanted.stamp, status)
         topics[0].publish(line.setpoint(safe.stamp))
         topics[1].publish(safe)
 

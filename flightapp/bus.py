@@ -8,6 +8,7 @@ from flightapp.messages import (
     Phase,
     PlanReport,
     PoseSample,
+    ProcessLoad,
     RateCommand,
     Setpoint,
     Sightings,
@@ -32,5 +33,6 @@ class Bus:
         self.setpoint: Topic[Setpoint] = Topic("setpoint")
         self.command: Topic[RateCommand] = Topic("command")
         self.phase: Topic[Phase] = Topic("phase")
+        self.load: Topic[ProcessLoad] = Topic("load")
         self.event: Topic[Event] = Topic("event")
         self.fault: Topic[Event] = Topic("fault")

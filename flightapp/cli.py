@@ -2,6 +2,9 @@
 
 import json
 import sys
+from collections.abc import Sequence
+from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,12 +13,18 @@ import typer
 from rich.console import Console
 
 from flightapp import app, display, results
+from flightapp.autopilot.diagnosis import Light, diagnosis_json, diagnosis_tables
+from flightapp.autopilot.doctor import Change, Confirm, visit
+from flightapp.autopilot.link import Px4Link
+from flightapp.autopilot.params_file import write_params
+from flightapp.autopilot.wanted_parameters import Profile, wanted_parameters
 from flightapp.bench import bench_table, run_bench
 from flightapp.config import dump_config, load_config
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import terminal_tables
 from flightapp.inputs import BadInputError
 from flightapp.mission.loader import load_mission
+from flightapp.modules import find
 from flightapp.track import load_track
 
 cli = typer.Typer(
@@ -28,12 +37,26 @@ Vehicle = Annotated[Path | None, typer.Option("--vehicle", help="vehicle file, s
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="section.key=value, over all files")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="also write the result here")]
 Sim = Annotated[bool, typer.Option("--sim", help="fly the in-process simulation")]
+Connect = Annotated[
+    str | None, typer.Option("--connect", help="fly a real vehicle at udpin://HOST:PORT or serial:///dev/NAME:BAUD")
+]
+
+
+class Vision(StrEnum):
+    """Who feeds the simulated vehicle's own estimator."""
+
+    INTERNAL = "internal"
+    EXTERNAL = "external"
 
 
 @cli.command()
 def fly(
     mission: Mission,
     sim: Sim = False,
+    mavlink: Annotated[
+        bool, typer.Option("--mavlink", help="with --sim: the simulation in its own process, flown over real MAVLink")
+    ] = False,
+    connect: Connect = None,
     vehicle: Vehicle = None,
     seed: Annotated[int, typer.Option(min=0, help="of everything random in the simulation")] = 0,
     overrides: Overrides = None,
@@ -41,7 +64,15 @@ def fly(
     realtime: Annotated[bool, typer.Option("--realtime", help="simulate on the wall clock")] = False,
 ) -> None:
     """Fly a mission; exit status 0 only if it reached its goal."""
-    plan = _plan(mission, sim, vehicle, seed, overrides, results.run_directory(mission, seed, out), realtime)
+    if sim == (connect is not None) or (mavlink and not sim):
+        raise BadInputError(
+            "say what to fly: --sim for the simulation in this process, --sim --mavlink for one behind MAVLink,"
+            " --connect URL for a real vehicle"
+        )
+    rig = "px4" if connect is not None else "mavlink" if mavlink else "sim"
+    settings = [*(overrides or ()), *([f"link.connection={connect}"] if connect is not None else [])]
+    directory = results.run_directory(mission, seed, out)
+    plan = app.FlightPlan(mission, directory, rig, vehicle, tuple(settings), seed, realtime or rig != "sim")
     with display.progress(console) as watch:
         flown = app.fly(plan, watch)
     summary = results.finish(flown)
@@ -58,14 +89,13 @@ def sweep(
     mission: Mission,
     runs: Annotated[int, typer.Option(min=1, help="how many flights")] = 20,
     first_seed: Annotated[int, typer.Option(min=0, help="seed of the first; the others count up")] = 0,
-    sim: Sim = True,
     vehicle: Vehicle = None,
     overrides: Overrides = None,
     workers: Annotated[int, typer.Option(min=1, help="processes")] = 2,
     json_file: JsonFile = None,
 ) -> None:
     """Fly a mission with many seeds in simulation; success rate with its 95 % interval."""
-    plan = _plan(mission, sim, vehicle, first_seed, overrides, Path(), realtime=False)
+    plan = app.FlightPlan(mission, Path(), "sim", vehicle, tuple(overrides or ()), first_seed)
     app.prepare(plan)
     with display.bar(console, runs) as advance:
         summary = results.sweep(plan, runs, workers, advance)
@@ -111,12 +141,78 @@ def bench(json_file: JsonFile = None) -> None:
     _write_json(json_file, result)
 
 
-def _plan(
-    mission: Path, sim: bool, vehicle: Path | None, seed: int, overrides: list[str] | None, out: Path, realtime: bool
-) -> app.FlightPlan:
-    if not sim:
-        raise BadInputError("say what to fly: --sim for the in-process simulation")
-    return app.FlightPlan(mission, out, "sim", vehicle, tuple(overrides or ()), seed, realtime)
+@cli.command()
+def doctor(
+    connect: Annotated[
+        str | None, typer.Option("--connect", help="udpin://HOST:PORT or serial:///dev/NAME:BAUD")
+    ] = None,
+    vehicle: Vehicle = None,
+    overrides: Overrides = None,
+    profile: Annotated[
+        Profile, typer.Option(help="cage: no remote control, no ground station; pilot: a safety pilot's is on")
+    ] = Profile.CAGE,
+    fix: Annotated[bool, typer.Option("--fix", help="set the parameters that differ, after listing them")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="with --fix: don't ask")] = False,
+    params: Annotated[
+        Path | None, typer.Option("--params", help="only write the wanted parameters here, for QGroundControl")
+    ] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Examine the vehicle before it flies; exit status 0 only if nothing is red."""
+    settings = [*(overrides or ()), *([f"link.connection={connect}"] if connect is not None else [])]
+    config = load_config(vehicle, None, settings)
+    if params is not None:
+        write_params(params, wanted_parameters(config, profile), profile)
+        return
+    if yes and not fix:
+        raise BadInputError("--yes answers what --fix asks; give both, or neither to examine only")
+    confirm = _confirm(yes) if fix else None
+    diagnosis = visit(Px4Link, config, profile, confirm, Path("runs"))
+    console.print(*diagnosis_tables(diagnosis), sep="\n")
+    _write_json(json_file, diagnosis_json(diagnosis))
+    raise typer.Exit(1 if diagnosis.light is Light.RED else 0)
+
+
+@cli.command("sim-autopilot")
+def sim_autopilot(
+    vehicle: Vehicle = None,
+    overrides: Overrides = None,
+    track: Annotated[
+        Path | None, typer.Option(help="a track to stand in, such as missions/tracks/one_gate.toml")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="of everything random in the simulation")] = 0,
+    remote: Annotated[
+        list[str] | None, typer.Option(help="127.0.0.1:PORT to send MAVLink to, instead of ports 14540 and 14550")
+    ] = None,
+    param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, over PX4's parameters")] = None,
+    vision: Annotated[
+        Vision, typer.Option(help="internal: its tracker is wired to it; external: a client sends the poses")
+    ] = Vision.INTERNAL,
+    poses: Annotated[
+        str | None, typer.Option(help="127.0.0.1:PORT or a path, where the tracker's poses go (sensors.pose_address)")
+    ] = None,
+) -> None:
+    """Serve the simulated vehicle alone over MAVLink, for a ground station or another client, until ^C."""
+    config = load_config(vehicle, None, overrides or ())
+    stand = None if track is None else load_track(track)
+    find("simulators", "px4")(
+        config,
+        stand,
+        seed=seed,
+        remotes=remote or (),
+        parameters=param or (),
+        vision=vision,
+        poses_to=poses,
+        announce=partial(console.print, highlight=False, soft_wrap=True),
+    )
+
+
+def _confirm(yes: bool) -> Confirm:
+    def confirm(todo: Sequence[Change]) -> bool:
+        console.print(f"{len(todo)} parameters to be written:", *(f"  {change.text}" for change in todo), sep="\n")
+        return yes or typer.confirm("write them?")
+
+    return confirm
 
 
 def _write_json(path: Path | None, result: dict[str, Any]) -> None:

@@ -12,11 +12,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from flightapp.frames import GRAVITY, camera_mount
 from flightapp.inputs import BadInputError, Location, read_toml, validate
 from flightapp.perception.camera import CameraModel, Lens
+from flightapp.sensors.address import parse_address
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Triple = tuple[Finite, Finite, Finite]
@@ -35,7 +36,10 @@ class Vehicle(Section):
     name: str = Field("racer", description="name, for reports")
     thrust_to_weight: Finite = Field(3.1, gt=1.1, le=20.0, description="full collective thrust over weight")
     hover_thrust: Finite = Field(0.25, gt=0.02, lt=0.9, description="0..1, PX4's MPC_THR_HOVER")
-    thrust_curve: Finite = Field(0.0, ge=0.0, le=1.0, description="PX4's THR_MDL_FAC")
+    thrust_curve: Finite = Field(0.0, ge=0.0, le=1.0, description="left of the motors' curve after PX4's THR_MDL_FAC")
+    battery_scale: bool = Field(False, description="scale thrust by the battery's voltage; not with MC_BAT_SCALE_EN")
+    hover_voltage: Finite = Field(16.0, gt=2.0, le=70.0, description="V under load, where hover_thrust was measured")
+    learn_hover_thrust: bool = Field(True, description="correct hover_thrust in flight, by up to 30 %")
     drag: Triple = Field((0.355, 0.38, 0.555), description="1/s, specific force per m/s along the body axes")
     rate_lag: Finite = Field(0.036, ge=0.0, le=0.5, description="s, first-order lag of the roll and pitch rates")
     yaw_rate_lag: Finite = Field(0.09, ge=0.0, le=1.0, description="s, first-order lag of the yaw rate")
@@ -192,8 +196,60 @@ class Guard(Section):
 
     thrust_min: Finite = Field(1.0, ge=0.0, le=9.0, description="m/s², least specific force sent in flight")
     late: Finite = Field(0.1, gt=0.0, le=1.0, description="s, a command older than this is not sent")
+    hold: Finite = Field(0.15, ge=0.0, le=1.0, description="s without a sound command before the autopilot shall land")
     rate_slew: Finite = Field(500.0, gt=1.0, le=1e5, description="rad/s², fastest change of a body rate sent")
     thrust_slew: Finite = Field(1500.0, gt=1.0, le=1e6, description="m/s³, fastest change of the thrust sent")
+
+
+class Link(Section):
+    """The MAVLink link to the autopilot."""
+
+    connection: str = Field("udpin://127.0.0.1:14540", description="udpin://HOST:PORT or serial:///dev/NAME:BAUD")
+    system_id: int = Field(1, ge=1, le=254, description="MAVLink system id of the vehicle to fly, MAV_SYS_ID")
+    connect_timeout: Finite = Field(15.0, gt=0.5, le=600.0, description="s to wait for the autopilot")
+    lost_after: Finite = Field(1.0, gt=0.1, le=10.0, description="s without any message before the link counts as lost")
+    odometry_rate: Finite = Field(50.0, ge=1.0, le=250.0, description="Hz, of the autopilot's own estimate")
+
+
+class ExternalVision(Section):
+    """Poses of the tracker for the autopilot's own estimator."""
+
+    message: Literal["odometry", "odometry_frd", "position"] = Field(
+        "odometry", description="ODOMETRY in NED (any PX4), ODOMETRY in FRD (v1.16 only), VISION_POSITION_ESTIMATE"
+    )
+    rate: Finite = Field(40.0, ge=5.0, le=100.0, description="Hz")
+    timesync: bool = Field(False, description="answer TIMESYNC, so that PX4 takes our stamps; else set EKF2_EV_DELAY")
+    delay: Finite = Field(0.01, ge=0.0, le=0.3, description="s from a pose's capture to the autopilot, EKF2_EV_DELAY")
+    position_noise: Finite = Field(0.02, gt=0.0, le=1.0, description="m, standard deviation told to the autopilot")
+    velocity_noise: Finite = Field(0.05, gt=0.0, le=2.0, description="m/s, standard deviation told to the autopilot")
+    attitude_noise: Finite = Field(0.02, gt=0.0, le=0.5, description="rad, standard deviation told to the autopilot")
+    jump: Finite = Field(0.3, gt=0.0, le=5.0, description="m, beyond what the speed explains, that counts as a reset")
+
+
+class Sensors(Section):
+    """Where a real vehicle's sensors are found; a simulation brings its own."""
+
+    poses: Literal["socket", "autopilot"] = Field(
+        "socket", description="socket: from another process; autopilot: its own ODOMETRY, where it finds its way itself"
+    )
+    pose_address: str = Field(
+        "127.0.0.1:5601", description="for datagrams of poses: 127.0.0.1:PORT or an absolute path"
+    )
+    pose_max_age: Finite = Field(0.2, gt=0.0, le=5.0, description="s from capture, an older pose is refused")
+
+    @field_validator("pose_address")
+    @classmethod
+    def _local(cls, text: str) -> str:
+        parse_address(text)
+        return text
+
+
+class Realtime(Section):
+    """What is asked of the operating system for a flight on the wall clock."""
+
+    priority: int = Field(50, ge=0, le=98, description="SCHED_FIFO of the event loop; 0 leaves the scheduler alone")
+    lock_memory: bool = Field(True, description="keep all memory resident (mlockall)")
+    cpus: tuple[int, ...] = Field((), description="CPUs for the process; none leaves them alone")
 
 
 class Compute(Section):
@@ -220,6 +276,9 @@ class Simulation(Section):
     wind: Finite = Field(0.0, ge=0.0, le=15.0, description="m/s, mean wind")
     gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")
     step: Finite = Field(0.001, gt=0.0, le=0.001, description="s, integration step")
+    faults: tuple[tuple[Finite, str, Finite | str], ...] = Field(
+        (), description="(s of the flight's clock, fault, value) over MAVLink, such as [[20.0, 'silence', 2.0]]"
+    )
 
 
 class Config(Section):
@@ -236,6 +295,10 @@ class Config(Section):
     mission: Mission = Mission()
     safety: Safety = Safety()
     guard: Guard = Guard()
+    link: Link = Link()
+    external_vision: ExternalVision = ExternalVision()
+    sensors: Sensors = Sensors()
+    realtime: Realtime = Realtime()
     compute: Compute = Compute()
     recording: Recording = Recording()
     sim: Simulation = Simulation()

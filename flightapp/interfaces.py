@@ -14,7 +14,9 @@ from flightapp.frames import Vector
 from flightapp.messages import (
     AutopilotStatus,
     Collision,
+    CommandArrivals,
     Drift,
+    Event,
     Frame,
     GateEstimate,
     GateMap,
@@ -165,16 +167,29 @@ class Autopilot(Protocol):
         """What it last said of itself."""
         ...
 
+    @property
+    def notices(self) -> Topic[Event]:
+        """What it, or its link, has to tell in words, for the log."""
+        ...
+
     async def connect(self) -> None:
         """Find the vehicle; raises `AutopilotError`."""
+        ...
+
+    async def takeoff(self, height: float) -> None:
+        """Select the autopilot's own takeoff to ``height`` m above the ground; it begins when armed."""
         ...
 
     async def arm(self) -> None:
         """Arm; raises `AutopilotError` with the autopilot's reason."""
         ...
 
-    async def takeoff(self, height: float) -> None:
-        """Climb to ``height`` m above the ground by the autopilot's own means."""
+    async def disarm(self) -> None:
+        """Disarm on the ground; raises `AutopilotError` with the autopilot's reason."""
+        ...
+
+    async def kill(self) -> None:
+        """Stop the motors at once, in the air too; raises `AutopilotError`."""
         ...
 
     async def hold(self) -> None:
@@ -191,6 +206,10 @@ class Autopilot(Protocol):
 
     def send(self, command: RateCommand) -> None:
         """Send one command at once, without blocking."""
+        ...
+
+    def send_pose(self, sample: PoseSample) -> None:
+        """Offer the tracker's newest pose to the autopilot's own estimator, without blocking."""
         ...
 
     async def close(self) -> None:
@@ -218,6 +237,7 @@ class GroundTruthFeed:
     passages: Topic[GatePassage]
     collisions: Topic[Collision]
     gates: Topic[tuple[GateEstimate, ...]]
+    arrivals: Topic[CommandArrivals]
 
 
 class Rig(Protocol):
@@ -231,4 +251,8 @@ class Rig(Protocol):
 
     def survey(self, track: Track) -> Track:
         """``track`` as it is known before the flight."""
+        ...
+
+    async def close(self) -> None:
+        """Give back what the rig itself holds, after the autopilot and the worker have been closed."""
         ...

@@ -175,6 +175,13 @@ class FlightMode(StrEnum):
     TAKEOFF = "takeoff"
     OFFBOARD = "offboard"
     LAND = "land"
+    DESCEND = "descend"
+    STABILIZED = "stabilized"
+    ACRO = "acro"
+    ALTITUDE = "altitude"
+    POSITION = "position"
+    MISSION = "mission"
+    RETURN = "return"
     OTHER = "other"
 
 
@@ -187,7 +194,7 @@ class AutopilotStatus:
     armed: bool
     landed: bool
     ready: bool
-    """It has a local position and would arm."""
+    """It has a local position."""
     voltage: float
     """V, battery under load."""
     battery: float
@@ -222,7 +229,7 @@ class Event:
 
     stamp: float
     kind: str
-    """One of: phase, behavior, fault, plan, gate, referee."""
+    """One of: phase, behavior, fault, plan, gate, referee, autopilot, guard."""
     text: str
 
 
@@ -271,3 +278,24 @@ class Collision:
     obstacle: str
     speed: float
     """m/s at the touch."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandArrivals:
+    """When commands reached a simulated autopilot at the other end of its link. For the log only."""
+
+    stamp: float
+    """The newest arrival."""
+    stamps: Vector
+    """(n,) s, arrivals since the last message."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessLoad:
+    """What the application's process takes of its computer."""
+
+    stamp: float
+    cpu: float
+    """s of CPU time since it was started, all threads."""
+    memory: float
+    """bytes that are resident."""

@@ -1,25 +1,27 @@
 """The whole data flow on one page: each task awaits its input, calls one algorithm, publishes the result."""
 
 import asyncio
+import resource
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from flightapp.autopilot.guard import CommandGuard, GuardTrippedError
+from flightapp.autopilot.guard import CommandGuard, GuardTrippedError, Refusal
+from flightapp.autopilot.sender import SenderReport
 from flightapp.bus import Bus
 from flightapp.channel import Reader
 from flightapp.config import Config
-from flightapp.control.flatness import ControllerError
 from flightapp.estimation.history import PoseHistory
 from flightapp.frames import Vector
 from flightapp.interfaces import Controller, Detector, Estimator, Mapper, Planner, PlanningError, PlanRequest, Rig
-from flightapp.messages import Event, Frame, GateEstimate, PlanReport, Sightings
+from flightapp.messages import Event, Frame, GateEstimate, PlanReport, ProcessLoad, RateCommand, Sightings, VehicleState
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.clearance import touched_frame
 from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
+from flightapp.realtime import resident
 from flightapp.timing import Ticker
 from flightapp.track import GateShape, Track
 from flightapp.trajectory import Trajectory
@@ -75,6 +77,7 @@ async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
     version = -1
     async for sample in rig.tracker.poses():
         bus.pose.publish(sample)
+        rig.autopilot.send_pose(sample)
         gate_map = bus.gate_map.latest
         if gate_map is not None and gate_map.version != version:
             version = gate_map.version
@@ -122,6 +125,9 @@ async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, track: 
         except PlanningError as error:
             bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
             continue
+        if line.latest is None:
+            bus.plan.publish(PlanReport(asked, now() - asked, False, "the line was given up meanwhile"))
+            continue
         if now() > trajectory.stamp:
             late = now() - trajectory.stamp
             bus.plan.publish(PlanReport(asked, now() - asked, False, f"late by {late:.3f} s"))
@@ -150,36 +156,88 @@ def _plan(
 
 async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Ticker) -> None:
     """Line and state → body rates and thrust, through the guard, to the autopilot."""
-    while True:
-        await ticker.tick()
-        stamp = now()
-        trajectory, state = line.at(stamp), bus.state.latest
-        if trajectory is None or state is None:
-            modules.controller.reset()
-            continue
-        try:
-            wanted = modules.controller.command(stamp, state, trajectory)
-            command = modules.guard.check(wanted, now(), rig.autopilot.status.latest)
-        except (ControllerError, GuardTrippedError) as error:
-            line.clear()
-            bus.fault.publish(Event(stamp, "fault", f"no command: {error}"))
-            continue
+    guard = modules.guard
+    try:
+        while True:
+            await ticker.tick()
+            stamp = now()
+            try:
+                _send(rig, bus, modules, line, stamp)
+            except GuardTrippedError as error:
+                line.clear()
+                bus.fault.publish(Event(stamp, "fault", f"no command: {error}"))
+            if report := guard.take_report():
+                bus.event.publish(Event(stamp, "guard", report))
+    finally:
+        bus.event.publish(Event(now(), "guard", SenderReport(ticker.statistics(), guard.counts).line()))
+
+
+def _send(rig: Rig, bus: Bus, modules: Modules, line: Line, stamp: float) -> None:
+    """One tick; raises `GuardTrippedError` when the autopilot is to fly on by itself."""
+    trajectory, state = line.at(stamp), bus.state.latest
+    if trajectory is None or state is None:
+        modules.controller.reset()
+        modules.guard.rest()
+        return
+    command = _command(rig, modules, stamp, state, trajectory)
+    if command is not None:
         rig.autopilot.send(command)
         bus.setpoint.publish(trajectory.setpoint(stamp))
         bus.command.publish(command)
 
 
-async def health(bus: Bus, config: Config, line: Line) -> None:
+def _command(
+    rig: Rig, modules: Modules, stamp: float, state: VehicleState, trajectory: Trajectory
+) -> RateCommand | None:
+    """What to send, None for nothing; raises `GuardTrippedError` when there is an end to it."""
+    guard, status = modules.guard, rig.autopilot.status
+    try:
+        guard.check_state(state, stamp)
+        try:
+            wanted = modules.controller.command(stamp, state, trajectory)
+        except Exception as error:  # a controller may be anybody's, and in flight its failure must not end the sender
+            raise guard.refused(Refusal.NO_COMMAND, f"{type(error).__name__}: {error}") from error
+        return guard.check(wanted, now(), status.latest)
+    except GuardTrippedError as error:
+        return guard.hold(error, now(), status.latest, state)
+
+
+async def load(bus: Bus) -> None:
+    """What the process takes of its computer, once a second; on the wall clock only."""
+    while True:
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        bus.load.publish(ProcessLoad(now(), used.ru_utime + used.ru_stime, float(resident())))
+        await asyncio.sleep(1.0)
+
+
+async def health(rig: Rig, bus: Bus, config: Config, line: Line) -> None:
     """Ages of topics and distance from the line → faults."""
     ticker = Ticker(20.0)
+    linked = True
     while True:
         stamp = await ticker.tick()
-        state, setpoint = bus.state.latest, bus.setpoint.latest
-        if line.latest is None or state is None or setpoint is None:
-            continue
-        if stamp - state.stamp > config.safety.state_timeout:
-            bus.fault.publish(Event(stamp, "fault", f"state lost: {stamp - state.stamp:.2f} s old"))
-            continue
-        error = float(abs(setpoint.position - state.position).max())
-        if stamp - setpoint.stamp < 0.1 and error > config.safety.tracking_error:
-            bus.fault.publish(Event(stamp, "fault", f"off the line by {error:.2f} m"))
+        status = rig.autopilot.status.latest
+        silent = 0.0 if status is None or not status.armed else stamp - status.stamp
+        if linked != (silent <= config.link.lost_after):
+            linked = not linked
+            text = (
+                "link to the autopilot is back"
+                if linked
+                else f"link lost: nothing heard of the autopilot for {silent:.2f} s"
+            )
+            (bus.event if linked else bus.fault).publish(Event(stamp, "fault", text))
+        if fault := _flight_fault(stamp, bus, config, line):
+            bus.fault.publish(Event(stamp, "fault", fault))
+
+
+def _flight_fault(stamp: float, bus: Bus, config: Config, line: Line) -> str:
+    """What is wrong with a flight along the ``line``; empty where nothing is."""
+    state, setpoint = bus.state.latest, bus.setpoint.latest
+    if line.latest is None or state is None or setpoint is None:
+        return ""
+    if stamp - state.stamp > config.safety.state_timeout:
+        return f"state lost: {stamp - state.stamp:.2f} s old"
+    error = float(abs(setpoint.position - state.position).max())
+    if stamp - setpoint.stamp < 0.1 and error > config.safety.tracking_error:
+        return f"off the line by {error:.2f} m"
+    return ""

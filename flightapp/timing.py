@@ -4,9 +4,14 @@ All time is the event loop's own (`loop.time()`), monotonic seconds.
 """
 
 import asyncio
+import time
 from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
 
 import numpy as np
+
+from flightapp.kernel_timer import KernelTimer
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +32,14 @@ class TickStatistics:
 class Ticker:
     """Ticks at ``rate`` Hz on absolute deadlines: a late tick doesn't shift the next one.
 
-    Deadlines that passed unseen are skipped and counted in `overruns`.
+    Deadlines that passed unseen are skipped and counted in `overruns`. Waits by the event loop's own timers, whatever
+    its clock, real or virtual; on the wall clock those are up to a millisecond late (see `KernelTicker`).
     """
 
     CAPACITY = 1 << 17
 
     def __init__(self, rate: float) -> None:
-        if not rate > 0.0:
+        if not 0.0 < rate < float("inf"):
             raise ValueError(f"a ticker's rate must be positive, not {rate} Hz")
         self._loop = asyncio.get_running_loop()
         self._period = 1.0 / rate
@@ -41,6 +47,7 @@ class Ticker:
         self._count = 0
         self._stamps = np.zeros(self.CAPACITY)
         self._ticks = 0
+        self._woken: asyncio.Future[None] | None = None
         self.overruns = 0
 
     async def tick(self) -> float:
@@ -50,9 +57,9 @@ class Ticker:
         self.overruns += max(upcoming - due, 0)
         self._count = max(upcoming, due)
         deadline = self._origin + self._count * self._period
-        woken = self._loop.create_future()
-        self._loop.call_at(deadline, _wake, woken)
-        await woken
+        self._woken = self._loop.create_future()
+        self._wake_at(deadline)
+        await self._woken
         self._stamps[self._ticks % self.CAPACITY] = self._loop.time()
         self._ticks += 1
         return deadline
@@ -64,10 +71,56 @@ class Ticker:
         if n < 2:
             return TickStatistics(0.0, 0.0, 0.0, 0.0, self.overruns)
         between = np.diff(stamps)
-        p50, p99, p999 = np.percentile(between, (50.0, 99.0, 99.9))
-        return TickStatistics((n - 1) / (stamps[-1] - stamps[0]), p50, p99, p999, self.overruns)
+        p50, p99, p999 = (float(value) for value in np.percentile(between, (50.0, 99.0, 99.9)))
+        return TickStatistics(float((n - 1) / (stamps[-1] - stamps[0])), p50, p99, p999, self.overruns)
+
+    def close(self) -> None:
+        """Give back what the ticker holds; it ticks no more."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _wake_at(self, deadline: float) -> None:
+        """Have `_wake` called at ``deadline``, or very soon where it has passed."""
+        self._loop.call_at(deadline, _wake, self._woken)
 
 
-def _wake(woken: "asyncio.Future[None]") -> None:
-    if not woken.done():
+class KernelTicker(Ticker):
+    """A `Ticker` on a kernel timer (timerfd, Linux): for loops on the wall clock.
+
+    The loop's own timers are rounded up to the whole millisecond of epoll's timeout. The kernel's wakes at the
+    deadline, by CLOCK_MONOTONIC, with which the loop's clock must run but for its origin. Close it, or use it as a
+    context manager. Raises OSError where the kernel has no timer to give.
+    """
+
+    def __init__(self, rate: float) -> None:
+        super().__init__(rate)
+        self._ahead = time.monotonic() - self._loop.time()
+        self._timer = KernelTimer()
+        self._loop.add_reader(self._timer.fileno(), self._expired)
+
+    def close(self) -> None:
+        """Give the timer back; a second time changes nothing."""
+        if self._timer.closed:
+            return
+        if not self._loop.is_closed():
+            self._loop.remove_reader(self._timer.fileno())
+        self._timer.close()
+
+    def _wake_at(self, deadline: float) -> None:
+        self._timer.set(deadline + self._ahead)
+
+    def _expired(self) -> None:
+        # Else a tick that was given up had expired, and the timer is set for the next one already.
+        if self._timer.expired():
+            _wake(self._woken)
+
+
+def _wake(woken: "asyncio.Future[None] | None") -> None:
+    if woken is not None and not woken.done():
         woken.set_result(None)

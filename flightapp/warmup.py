@@ -1,10 +1,5 @@
 """Everything that is compiled on first use, used once on the ground: nothing compiles in flight."""
 
-import gc
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 
 from flightapp.config import Config
@@ -16,8 +11,6 @@ from flightapp.perception.regions import expected_regions
 from flightapp.tasks import Modules
 from flightapp.track import Track
 
-SWITCH_INTERVAL = 2e-4
-"""s"""
 AHEAD = np.array((6.0, 1.0, 1.5))
 
 
@@ -47,23 +40,3 @@ def warm_up(config: Config, track: Track, spare: Modules) -> None:
         expected_regions(
             (gate,), state.position, state.orientation, config.camera.model(), track.gate, config.detection
         )
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Keep the interpreter from pausing the flight.
-
-    The garbage collector stays off, and what was made before is never looked at again; a thread that wants the
-    interpreter waits 0.2 ms for it instead of 5 ms.
-    """
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
-        sys.setswitchinterval(interval)

@@ -73,13 +73,13 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 class RealtimeLoop(asyncio.SelectorEventLoop):
-    """An ordinary event loop whose time starts at 0."""
+    """An ordinary event loop whose time starts at 0 now, or at ``origin`` (s by CLOCK_MONOTONIC)."""
 
-    def __init__(self) -> None:
+    def __init__(self, origin: float | None = None) -> None:
         self._origin = 0.0
         super().__init__()
-        self._origin = super().time()
+        self._origin = super().time() if origin is None else origin
 
     def time(self) -> float:
-        """Seconds on the wall since the loop was made."""
+        """Seconds on the wall since the origin."""
         return super().time() - self._origin

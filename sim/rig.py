@@ -9,6 +9,7 @@ import numpy as np
 from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
 from flightapp.frames import quat_yaw
+from flightapp.inputs import BadInputError
 from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
@@ -16,8 +17,8 @@ from flightapp.track import Track
 from flightapp.worker import ThreadWorker
 from sim.clock import RealtimeLoop, VirtualLoop
 from sim.corner_camera import CornerCamera
-from sim.position_control import PositionController
-from sim.render import Renderer
+from sim.px4.position_control import PositionController, turn
+from sim.render import PoseAt, Renderer
 from sim.scene import Scene
 from sim.survey import survey
 from sim.t265 import make_tracker
@@ -57,11 +58,15 @@ class SimCamera:
             yield self.expose(stamp, sequence)
             sequence = max(sequence + 1, int((loop.time() - BACKLOG - origin) * self._config.rate))
 
-    def expose(self, stamp: float, sequence: int) -> Frame:
-        """What the camera sees with the middle of the exposure at a recent ``stamp``."""
+    def expose(self, stamp: float, sequence: int, pose_at: PoseAt | None = None) -> Frame:
+        """What the camera sees with the middle of the exposure at a recent ``stamp``.
+
+        ``pose_at`` tells the true pose around the stamp where the world itself may not be asked.
+        """
+        known = pose_at or self._world.pose_at
         if isinstance(self._camera, CornerCamera):
-            return Frame(stamp, sequence, None, self._camera.detect(stamp, self._world.pose_at))
-        return Frame(stamp, sequence, self._camera.render(stamp, self._world.pose_at))
+            return Frame(stamp, sequence, None, self._camera.detect(stamp, known))
+        return Frame(stamp, sequence, self._camera.render(stamp, known))
 
 
 class SimTracker:
@@ -109,15 +114,17 @@ class SimRig:
     """A simulated drone in a simulated world, the same for the same ``seed``."""
 
     def __init__(self, config: Config, track: Track, seed: int) -> None:
+        if config.sim.faults:
+            raise BadInputError("sim.faults are of the link and the vehicle behind it; fly with --sim --mavlink")
         seeds = np.random.SeedSequence(seed)
         world_seed, camera_seed, tracker_seed, survey_seed = seeds.spawn(4)
         loop = asyncio.get_running_loop()
-        _exercise(config, track)
+        exercise(config, track)
         self._world = World(config, track, world_seed, loop.time)
         self._survey_seed = survey_seed
         self.autopilot: Autopilot = self._world.autopilot
-        self.camera: FrameSource = SimCamera(config, track, _number(camera_seed), self._world)
-        self.tracker: PoseSource = SimTracker(config, _number(tracker_seed), self._world)
+        self.camera: FrameSource = SimCamera(config, track, number(camera_seed), self._world)
+        self.tracker: PoseSource = SimTracker(config, number(tracker_seed), self._world)
         self.worker: Worker = ModelledWorker(config) if isinstance(loop, VirtualLoop) else ThreadWorker()
         self.truth: GroundTruthFeed | None = self._world.truth
 
@@ -131,8 +138,11 @@ class SimRig:
         self._world.announce()
         return survey(track, np.random.default_rng(self._survey_seed))
 
+    async def close(self) -> None:
+        """Nothing to give back but what has a close of its own."""
 
-def _exercise(config: Config, track: Track) -> None:
+
+def exercise(config: Config, track: Track) -> None:
     """Use everything that is compiled on first use once, in a world of its own, so that the flight need not wait."""
     now = [0.0]
     world = World(config, track, np.random.SeedSequence(0), lambda: now[0])
@@ -141,11 +151,17 @@ def _exercise(config: Config, track: Track) -> None:
     world.advance()
     camera.expose(0.05, 0)
     truth = world.state_at(0.05)
-    make_tracker(config, 0).sample(truth)
+    measured = make_tracker(config, 0).sample(truth)
+    if measured is not None:
+        world.autopilot.send_pose(measured[0])
+    world.autopilot.px4.estimate()
     controller = PositionController(ThrustMap(config.vehicle.hover_thrust, config.vehicle.thrust_curve))
     controller.reset(truth.position, truth.velocity, float(quat_yaw(truth.orientation)))
     controller.command(truth.position.copy(), truth.velocity.copy(), truth.orientation.copy(), 0.01)
+    controller.command_level(0.0, 0.0, truth.orientation.copy(), 0.01)
+    turn(truth.orientation.copy(), truth.orientation.copy())
 
 
-def _number(seed: np.random.SeedSequence) -> int:
+def number(seed: np.random.SeedSequence) -> int:
+    """A plain number from ``seed``."""
     return int(seed.generate_state(1)[0])

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from flightapp.messages import GateEstimate
 from flightapp.track import Gate, Track
 
 
@@ -27,3 +28,10 @@ def survey(track: Track, rng: np.random.Generator) -> Track:
         yaw = gate.yaw_deg + rng.uniform(-1.0, 1.0) * u.yaw_deg
         gates.append(Gate(id=gate.id, position=moved, yaw_deg=yaw, markers=gate.markers))
     return track.model_copy(update={"gates": tuple(gates)})
+
+
+def true_gates(track: Track) -> tuple[GateEstimate, ...]:
+    """Where the gates of ``track`` really are."""
+    return tuple(
+        GateEstimate(gate.id, np.array(gate.position), gate.yaw, np.zeros((4, 4)), 0, -math.inf) for gate in track.gates
+    )

@@ -8,11 +8,12 @@ from flightapp.channel import Topic
 from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.interfaces import GroundTruthFeed
-from flightapp.messages import Collision, GateEstimate, GatePassage, GroundTruth
+from flightapp.messages import Collision, GatePassage, GroundTruth
 from flightapp.track import Track
 from sim.autopilot import SimAutopilot
 from sim.plant import Plant
 from sim.referee import Referee
+from sim.survey import true_gates
 from sim.vehicles import load_vehicle
 
 
@@ -33,13 +34,13 @@ class World:
             start=time(),
         )
         self.autopilot = SimAutopilot(config, self.plant, autopilot_seed, time)
+        self.px4 = self.autopilot.px4
         self.referee = Referee(track, vehicle.radius, config.mission.laps)
-        self.truth = GroundTruthFeed(Topic("truth"), Topic("passage"), Topic("collision"), Topic("true_gates"))
-        self._time = time
-        self._gates = tuple(
-            GateEstimate(gate.id, np.array(gate.position), gate.yaw, np.zeros((4, 4)), 0, -np.inf)
-            for gate in track.gates
+        self.truth = GroundTruthFeed(
+            Topic("truth"), Topic("passage"), Topic("collision"), Topic("true_gates"), Topic("arrivals")
         )
+        self._time = time
+        self._gates = true_gates(track)
 
     def announce(self) -> None:
         """Publish where the gates really are, for the log."""

@@ -40,6 +40,7 @@ class FakeAutopilot:
         self.status = Topic("status")
         self.calls = []
         self.sent = []
+        self.poses = []
         self.refuse = refuse
         self._set(stamp=0.0, mode=FlightMode.HOLD, armed=False, landed=True, ready=True, voltage=16.0, battery=1.0)
 
@@ -55,14 +56,22 @@ class FakeAutopilot:
     async def connect(self):
         self._called("connect")
 
-    async def arm(self):
-        self._called("arm")
-        self._set(armed=True)
-
     async def takeoff(self, height):
         self._called("takeoff")
-        self._set(mode=FlightMode.TAKEOFF, landed=False)
+        self._set(mode=FlightMode.TAKEOFF)
+
+    async def arm(self):
+        self._called("arm")
+        self._set(armed=True, landed=False)
         asyncio.get_running_loop().call_later(2.0, lambda: self._set(mode=FlightMode.HOLD))
+
+    async def disarm(self):
+        self._called("disarm")
+        self._set(armed=False)
+
+    async def kill(self):
+        self._called("kill")
+        self._set(armed=False)
 
     async def hold(self):
         self._called("hold")
@@ -79,6 +88,9 @@ class FakeAutopilot:
 
     def send(self, command):
         self.sent.append(command)
+
+    def send_pose(self, sample):
+        self.poses.append(sample)
 
     async def close(self):
         self._called("close")

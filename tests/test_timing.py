@@ -1,10 +1,13 @@
 import asyncio
+import os
 import time
 
 import numpy as np
 import pytest
 
-from flightapp.timing import Ticker, TickStatistics
+from flightapp.kernel_timer import KernelTimer
+from flightapp.timing import KernelTicker, Ticker, TickStatistics
+from sim.clock import RealtimeLoop
 
 
 class SteppedLoop(asyncio.SelectorEventLoop):
@@ -116,7 +119,126 @@ def test_on_the_wall_clock_no_tick_comes_before_its_deadline() -> None:
     asyncio.run(work())
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan")])
+def on_the_wall(work, loop_factory=None):
+    with asyncio.Runner(loop_factory=loop_factory) as runner:
+        return runner.run(work())
+
+
+@pytest.mark.parametrize("loop_factory", [None, RealtimeLoop])
+def test_the_kernel_ticks_on_absolute_deadlines_in_the_loops_time(loop_factory):
+    async def work():
+        loop = asyncio.get_running_loop()
+        begin = loop.time()
+        with KernelTicker(250.0) as ticker:
+            deadlines, now = [], []
+            for _ in range(40):
+                deadlines.append(await ticker.tick())
+                now.append(loop.time())
+        return begin, np.array(deadlines), np.array(now), ticker.overruns
+
+    begin, deadlines, now, overruns = on_the_wall(work, loop_factory)
+    steps = (deadlines - deadlines[0]) * 250.0
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-6)
+    assert (np.diff(deadlines) > 0.0).all()
+    assert deadlines[0] - begin > 0.003
+    assert (now >= deadlines - 1e-6).all()
+    assert np.rint(steps[-1]) + 1 - len(steps) <= overruns
+
+
+@pytest.mark.parametrize("late", [0.03, 0.2])
+def test_after_a_stall_the_kernel_ticker_skips_and_counts_and_never_bursts(late):
+    async def work():
+        loop = asyncio.get_running_loop()
+        with KernelTicker(100.0) as ticker:
+            before = await ticker.tick()
+            time.sleep(late)  # noqa: ASYNC251
+            resumed = loop.time()
+            after = [await ticker.tick() for _ in range(3)]
+            return before, resumed, after, ticker.overruns
+
+    before, resumed, after, overruns = on_the_wall(work)
+    assert after[0] > resumed
+    assert np.diff(after).min() > 0.0099
+    assert overruns >= round((after[0] - before) * 100.0) - 1 >= int(100.0 * late)
+
+
+def test_a_kernel_tick_that_was_given_up_does_not_bring_the_next_one_early():
+    async def work():
+        loop = asyncio.get_running_loop()
+        with KernelTicker(50.0) as ticker:
+            waiting = asyncio.create_task(ticker.tick())
+            await asyncio.sleep(0)
+            time.sleep(0.021)  # noqa: ASYNC251
+            waiting.cancel()
+            deadline = await ticker.tick()
+            return deadline, loop.time(), waiting.cancelled()
+
+    deadline, now, cancelled = on_the_wall(work)
+    assert cancelled
+    assert now >= deadline - 1e-6
+
+
+def test_a_kernel_timer_tells_its_expiration_once():
+    timer = KernelTimer()
+    timer.set(time.monotonic() + 60.0)
+    assert not timer.expired()
+    timer.set(time.monotonic() - 1.0)
+    assert timer.expired()
+    assert not timer.expired()
+    timer.close()
+    assert timer.closed
+
+
+def test_news_of_an_expiration_that_came_too_late_does_not_wake():
+    async def work():
+        with KernelTicker(5.0) as ticker:
+            waiting = asyncio.create_task(ticker.tick())
+            await asyncio.sleep(0)
+            ticker._expired()
+            await asyncio.sleep(0.01)
+            early = waiting.done()
+            await waiting
+            return early
+
+    assert not on_the_wall(work)
+
+
+def test_a_kernel_ticker_gives_its_descriptor_back():
+    async def work():
+        before = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+        ticker = KernelTicker(100.0)
+        during = len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+        ticker.close()
+        ticker.close()
+        return before, during, len(os.listdir("/proc/self/fd"))  # noqa: PTH208
+
+    before, during, after = on_the_wall(work)
+    assert (during, after) == (before + 1, before)
+
+
+def test_a_kernel_ticker_may_be_closed_after_its_loop():
+    async def work():
+        return KernelTicker(100.0)
+
+    ticker = on_the_wall(work)
+    ticker.close()
+    with pytest.raises(OSError, match="timerfd_settime"):
+        ticker._timer.set(0.0)
+
+
+def test_the_rate_kept_by_the_kernel_is_the_one_asked_for():
+    async def work():
+        with KernelTicker(500.0) as ticker:
+            for _ in range(100):
+                await ticker.tick()
+            return ticker.statistics()
+
+    statistics = on_the_wall(work)
+    periods = 99 + statistics.overruns
+    assert statistics.rate == pytest.approx(99 / (periods / 500.0), rel=0.05)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
 async def test_rate_must_be_positive(rate: float) -> None:
     with pytest.raises(ValueError, match="must be positive"):
         Ticker(rate)

@@ -1,31 +1,41 @@
 """The last look at every command before the autopilot gets it.
 
-Whatever a controller asks for, what leaves here is finite, fresh and within bounds, or nothing leaves. And
-nothing leaves once somebody else has taken the vehicle over: the order of trust is safety pilot, autopilot,
-guard, application.
+Whatever a controller asks for, what leaves here is finite, fresh and within bounds. Where there is no such command
+in flight, the attitude is held for a moment; if none comes then either, nothing leaves any more and the autopilot
+shall land. And nothing leaves once somebody else has taken the vehicle over: the order of trust is safety pilot,
+autopilot, guard, application.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
+from flightapp.autopilot.holding import Patience, holding_thrust
 from flightapp.config import Config
-from flightapp.messages import AutopilotStatus, FlightMode, RateCommand
+from flightapp.messages import AutopilotStatus, FlightMode, RateCommand, VehicleState
 
 _OFFBOARD = FlightMode.OFFBOARD
 """Looking a member up in its enumeration takes longer than all else that is asked of the mode."""
+SETTLE = 0.02
+"""s after a stall in which what comes in of the autopilot may have been waiting since before."""
 
 
 class Refusal(StrEnum):
     """Why a command was not passed on."""
 
+    NO_COMMAND = "the controller failed"
+    STATE_OLD = "the state is too old"
     MALFORMED = "not three body rates and a thrust"
     NOT_FINITE = "not finite"
     STALE = "stale"
     NO_STATUS = "the autopilot's mode is not known"
+    LINK_LOST = "nothing is heard of the autopilot"
+    STALLED = "the autopilot was not heard since the sender stalled"
     TAKEN_OVER = "the vehicle was taken over"
+    HANDED_OVER = "no sound command for too long"
 
 
 class GuardTrippedError(Exception):
@@ -44,38 +54,86 @@ class GuardCounts:
     """Commands passed on, clipped ones included."""
     clipped: int
     refused: int
+    held: int
+    """Commands of the guard's own, which hold the attitude."""
+    recovered: int
+    """Times that sound commands came back before the patience was at its end."""
+    reasons: Mapping[Refusal, int]
+    """Refused commands by their reason; the reasons that occurred."""
 
 
 class CommandGuard:
-    """Checks commands between controller and autopilot; see `check`."""
+    """Checks commands between controller and autopilot, and stands in for those that are missing.
+
+    Each tick `check` sees the controller's command; where it, or the controller, has refused, `hold` says what to send
+    instead. Both raise `GuardTrippedError`; from `hold` it is final: nothing passes until `release`.
+    """
 
     def __init__(self, config: Config) -> None:
-        vehicle = config.vehicle
+        vehicle, guard = config.vehicle, config.guard
         self._rate_max, self._yaw_rate_max = vehicle.rate_max, vehicle.yaw_rate_max
         self._thrust_max = vehicle.thrust_max
-        self._late, self._thrust_min = config.guard.late, config.guard.thrust_min
-        self._rate_slew, self._thrust_slew = config.guard.rate_slew, config.guard.thrust_slew
+        self._late, self._thrust_min = guard.late, guard.thrust_min
+        self._rate_slew, self._thrust_slew = guard.rate_slew, guard.thrust_slew
+        self._state_timeout, self._lost_after = config.safety.state_timeout, config.link.lost_after
+        self._attitude_age = config.safety.state_timeout + guard.hold
+        self._stall = guard.late + guard.hold
+        self._asked = -math.inf
+        self._heard_from = -math.inf
+        self._patience = Patience(guard.hold, 1.0 / config.control.rate)
         self._last: tuple[float, tuple[float, float, float, float]] | None = None
         self._engaged = False
         self._was_armed = False
-        self._taken_over = ""
-        self._passed = self._clipped = self._refused = 0
+        self._taken_over = self._handed_over = ""
+        self._passed = self._clipped = self._held = 0
+        self._reasons = dict.fromkeys(Refusal, 0)
 
     @property
     def counts(self) -> GuardCounts:
-        """How many commands were passed, clipped and refused."""
-        return GuardCounts(self._passed, self._clipped, self._refused)
+        """What was passed, clipped, refused and held."""
+        reasons = {refusal: count for refusal, count in self._reasons.items() if count}
+        refused, recovered = sum(reasons.values()), self._patience.episodes
+        return GuardCounts(self._passed, self._clipped, refused, self._held, recovered, reasons)
 
     @property
     def taken_over(self) -> bool:
         """Whether another hand holds the vehicle; nothing is passed until `release`."""
         return bool(self._taken_over)
 
+    @property
+    def handed_over(self) -> bool:
+        """Whether sound commands were missing for so long that the autopilot shall land; as final."""
+        return bool(self._handed_over)
+
+    def take_report(self) -> str:
+        """What there is to log of the last episode of refusals that ended well, once; mostly empty."""
+        report = self._patience.report
+        if report:
+            self._patience.report = ""
+        return report
+
     def release(self) -> None:
-        """A new mission begins: forget that the vehicle was taken over, and wait for OFFBOARD anew."""
+        """A new mission begins: forget that the vehicle was taken or handed over, and wait for OFFBOARD anew."""
         self._engaged = self._was_armed = False
-        self._taken_over = ""
+        self._taken_over = self._handed_over = ""
         self._last = None
+        self._heard_from = -math.inf
+        self._patience.forget()
+
+    def rest(self) -> None:
+        """No commands are wanted for now, so none is missing."""
+        self._patience.rest()
+
+    def refused(self, refusal: Refusal, detail: str) -> GuardTrippedError:
+        """Count a command that did not even get here; what to raise and to give to `hold`."""
+        self._reasons[refusal] += 1
+        return GuardTrippedError(refusal, detail)
+
+    def check_state(self, state: VehicleState, now: float) -> None:
+        """Raise `GuardTrippedError` where ``state`` is older than `safety.state_timeout`, or of the future."""
+        age = now - state.stamp
+        if not abs(age) <= self._state_timeout:
+            raise self.refused(Refusal.STATE_OLD, f"{age:.3f} s, at most {self._state_timeout:g} s can be bridged")
 
     def check(self, command: RateCommand, now: float, status: AutopilotStatus | None) -> RateCommand:
         """``command`` as it may be sent at ``now`` (s): the same one, or one within bounds.
@@ -86,41 +144,97 @@ class CommandGuard:
         was, leaving the mode or disarming is taken as another hand's doing.
 
         Raises `GuardTrippedError` for a command that is not finite, malformed, or older than `guard.late`,
-        when the mode is not known, and for every command after a takeover.
+        when the mode is not known or nothing was heard of the autopilot for `link.lost_after`, and for every command
+        after a takeover or a handing over. After a stall of the sender, in which PX4 may have ended OFFBOARD and would
+        resume it at the next command, nothing passes until the autopilot was heard anew.
         """
+        self._pace(now)
         try:
             self._follow(status)
+            self._hear(status, now)
             wanted = _numbers(command)
             age = now - command.stamp
             if not abs(age) <= self._late:
                 raise GuardTrippedError(Refusal.STALE, f"{age:.3f} s old, at most {self._late:g} s")
-        except GuardTrippedError:
-            self._refused += 1
+        except GuardTrippedError as error:
+            self._reasons[error.refusal] += 1
             raise
         flying = status is not None and status.armed and not status.landed
         safe = self._bounded(wanted, now, self._thrust_min if flying else 0.0)
         self._last = (now, safe)
         self._passed += 1
+        self._patience.sound(now)
         if safe == wanted:
             return command
         self._clipped += 1
         return RateCommand(command.stamp, np.array(safe[:3]), safe[3])
 
+    def hold(
+        self, error: GuardTrippedError, now: float, status: AutopilotStatus | None, state: VehicleState | None
+    ) -> RateCommand | None:
+        """What to send at ``now`` (s) in place of the command that ``error`` refused, for at most `guard.hold` s.
+
+        In flight that holds the attitude: no body rates, and the thrust that keeps the height in the attitude of
+        ``state``. On the ground and before OFFBOARD, where the autopilot needs no help, and after a stall, where its
+        mode is not known, it is None: send nothing.
+
+        Raises `GuardTrippedError` when the patience is at its end, and at once when the vehicle was taken over.
+        """
+        self._pace(now)
+        try:
+            self._follow(status)
+        except GuardTrippedError as final:
+            if final.refusal is not error.refusal:
+                self._reasons[final.refusal] += 1
+            raise
+        if self._patience.refused(now, str(error)):
+            self._patience.forget()
+            self._handed_over = str(error)
+            raise GuardTrippedError(Refusal.HANDED_OVER, self._handed_over)
+        if status is None or status.mode is not _OFFBOARD or not status.armed or status.landed:
+            return None
+        if not status.stamp >= self._heard_from:
+            return None
+        thrust = holding_thrust(state, now, self._attitude_age, self._thrust_max)
+        x, y, z, thrust = self._bounded((0.0, 0.0, 0.0, thrust), now, self._thrust_min)
+        self._last = (now, (x, y, z, thrust))
+        self._held += 1
+        return RateCommand(now, np.array((x, y, z)), thrust)
+
     def _follow(self, status: AutopilotStatus | None) -> None:
-        """Keep up with the autopilot's mode; raises once another hand is on the vehicle."""
+        """Keep up with the autopilot's mode; raises once another hand is on the vehicle, or shall be."""
         if self._taken_over:
             raise GuardTrippedError(Refusal.TAKEN_OVER, self._taken_over)
+        if self._handed_over:
+            raise GuardTrippedError(Refusal.HANDED_OVER, self._handed_over)
         if status is None:
-            raise GuardTrippedError(Refusal.NO_STATUS, "no status has come yet")
+            return
         offboard = status.mode is _OFFBOARD
         if self._engaged and not offboard:
             self._taken_over = f"mode {status.mode} while commands were followed"
         elif self._engaged and self._was_armed and not status.armed:
             self._taken_over = "disarmed while commands were followed"
         if self._taken_over:
+            self._patience.forget()
             raise GuardTrippedError(Refusal.TAKEN_OVER, self._taken_over)
         self._engaged = offboard
         self._was_armed = offboard and status.armed
+
+    def _pace(self, now: float) -> None:
+        """Notice that the sender has stalled."""
+        if self._engaged and now - self._asked > self._stall:
+            self._heard_from = now + SETTLE
+        self._asked = now
+
+    def _hear(self, status: AutopilotStatus | None, now: float) -> None:
+        """Raise unless the autopilot was heard lately."""
+        if status is None:
+            raise GuardTrippedError(Refusal.NO_STATUS, "no status has come yet")
+        age = now - status.stamp
+        if not abs(age) <= self._lost_after:
+            raise GuardTrippedError(Refusal.LINK_LOST, f"for {age:.2f} s, at most {self._lost_after:g} s")
+        if status.stamp < self._heard_from:
+            raise GuardTrippedError(Refusal.STALLED, f"it was heard {age:.2f} s ago")
 
     def _bounded(
         self, wanted: tuple[float, float, float, float], now: float, thrust_min: float

@@ -1,9 +1,18 @@
 """Leaving the ground and coming back to it, by the autopilot's own means."""
 
+import math
+
 from flightapp.behaviors.base import Behavior, Context, Result
 from flightapp.channel import Reader
-from flightapp.messages import FlightMode, Outcome, Phase
+from flightapp.messages import AutopilotStatus, FlightMode, Outcome, Phase
 from flightapp.trajectory import hover
+
+NEAR = 0.3
+"""m from the takeoff height."""
+STEADY = 0.25
+"""m/s, vertical speed of a hover."""
+STEADY_TIME = 0.7
+"""s"""
 
 
 class Takeoff(Behavior):
@@ -21,27 +30,47 @@ class Takeoff(Behavior):
         self._height = height
 
     async def run(self) -> Result:
-        """Takeoff → hold → offboard."""
+        """Ready → takeoff mode → armed → at the height → offboard."""
         autopilot, machine = self.context.autopilot, self.context.machine
         status = Reader(autopilot.status)
         while (latest := autopilot.status.latest) is None or not latest.ready:
             await status.newest()
-        if self.context.bus.state.latest is None:
-            await self.context.bus.state.next()
+        ground = self.context.bus.state.latest or await self.context.bus.state.next()
         self.context.release_guard()
+        await autopilot.takeoff(self._height)
         await autopilot.arm()
         machine.go(Phase.ARMED, self.context.now(), "takeoff asked for")
-        await autopilot.takeoff(self._height)
         machine.go(Phase.TAKEOFF, self.context.now(), f"to {self._height:g} m")
-        while (latest := autopilot.status.latest) is None or latest.mode is not FlightMode.TAKEOFF:
-            await status.newest()
-        while (latest := await status.newest()).mode is FlightMode.TAKEOFF:
-            pass
-        if not latest.armed or latest.mode is not FlightMode.HOLD:
-            return Result(Outcome.WRONG_PROGRESS, "the autopilot left the climb before its end")
+        left = await self._climb(status, float(ground.position[2]))
+        if left is not None:
+            return Result(Outcome.WRONG_PROGRESS, f"the autopilot left the climb before its end: {left}")
         await self._take_command()
         machine.go(Phase.FLYING, self.context.now(), "height reached")
         return Result(Outcome.GOAL_ACHIEVED, f"hovering at {self._height:g} m")
+
+    async def _climb(self, status: Reader[AutopilotStatus], ground: float) -> str | None:
+        """Wait until the climb is over; what broke it off, or None.
+
+        It is over when the autopilot holds, or, since PX4 can't hold without a global position and then stays in its
+        takeoff mode, when it hovers near the height.
+        """
+        climbing, steady_since = False, math.inf
+        while True:
+            latest = await status.newest()
+            climbing |= latest.armed and latest.mode is FlightMode.TAKEOFF
+            if climbing and not latest.armed:
+                return "it has disarmed"
+            if climbing and latest.mode is FlightMode.HOLD:
+                return None
+            if climbing and latest.mode is not FlightMode.TAKEOFF:
+                return f"its mode is {latest.mode}"
+            state, now = self.context.bus.state.latest, self.context.now()
+            near = state is not None and abs(state.position[2] - ground - self._height) < NEAR
+            if state is None or not near or latest.landed or abs(state.velocity[2]) > STEADY:
+                steady_since = math.inf
+            steady_since = min(steady_since, now)
+            if near and now - steady_since > STEADY_TIME:
+                return None
 
     async def _take_command(self) -> None:
         """Stream commands for a hover right here, then have the autopilot follow them."""

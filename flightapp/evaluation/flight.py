@@ -10,11 +10,13 @@ from flightapp.frames import Vector
 from flightapp.messages import (
     AutopilotStatus,
     Collision,
+    CommandArrivals,
     Event,
     GateEstimate,
     GateMap,
     GatePassage,
     PlanReport,
+    ProcessLoad,
     Sightings,
 )
 from flightapp.trajectory import Trajectory
@@ -111,6 +113,8 @@ class Flight:
     plans: tuple[PlanReport, ...] = ()
     passages: tuple[GatePassage, ...] = ()
     collisions: tuple[Collision, ...] = ()
+    arrivals: tuple[CommandArrivals, ...] = ()
+    loads: tuple[ProcessLoad, ...] = ()
 
     @property
     def has_truth(self) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flightapp.evaluation.flight import Commands, Flight, Motions, Setpoints
+from flightapp.evaluation.flight import Flight, Motions, Setpoints
 from flightapp.frames import Vector
 from flightapp.messages import Phase, PlanReport
 from flightapp.timing import TickStatistics
@@ -131,13 +131,13 @@ def plan_statistics(plans: tuple[PlanReport, ...], window: Window) -> PlanStatis
     return PlanStatistics(accepted, len(inside) - accepted, float(p50), float(p99))
 
 
-def sender_statistics(commands: Commands, window: Window, rate: float | None = None) -> TickStatistics | None:
-    """Punctuality of the commands; None of fewer than two.
+def sender_statistics(stamps: Vector, window: Window, rate: float | None = None) -> TickStatistics | None:
+    """Punctuality of commands with ``stamps`` (n,); None of fewer than two.
 
     ``rate`` in Hz is what was asked for (None: one over the median interval); an interval as long as n + 1
     periods counts as n overruns.
     """
-    stamps = commands.stamp[window.holds(commands.stamp)]
+    stamps = stamps[window.holds(stamps)]
     if stamps.size < 2 or stamps[-1] <= stamps[0]:
         return None
     between = np.diff(stamps)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from flightapp.evaluation.flight import Flight
@@ -23,18 +24,17 @@ from flightapp.evaluation.metrics import (
 )
 from flightapp.inputs import BadInputError
 from flightapp.messages import Event, Outcome
-from flightapp.timing import TickStatistics
 from flightapp.track import Track
 
 Summary = dict[str, Any]
 DECIMALS = 6
 
 
-def summarise(flight: Flight, outcome: str | None = None, sender: TickStatistics | None = None) -> Summary:
+def summarise(flight: Flight) -> Summary:
     """The metrics of ``flight``, in SI units, rounded to 1e-6, with its keys in a fixed order.
 
-    ``outcome`` defaults to what the log's header says (null if nothing). ``sender`` is the punctuality as
-    the sender itself measured it; without it, it is taken from the commands' stamps. Times count from the
+    The sender's row is from the commands' stamps and, in simulation over a link, from their arrivals; what the guard
+    counted is from the log's header. Times count from the
     start of the racing window. Raises `BadInputError` if the header's track or config cannot be read.
     """
     window = racing_window(flight)
@@ -45,7 +45,7 @@ def summarise(flight: Flight, outcome: str | None = None, sender: TickStatistics
     summary = {
         "mission": flight.header.get("mission"),
         "seed": int(seed) if seed and seed.lstrip("-").isdigit() else seed,
-        "outcome": outcome or flight.header.get("outcome"),
+        "outcome": flight.header.get("outcome"),
         "v_max": settings.get("race", {}).get("v_max"),
         "elapsed": window.duration,
         "v_peak": speed and speed.peak,
@@ -57,7 +57,8 @@ def summarise(flight: Flight, outcome: str | None = None, sender: TickStatistics
         ],
         **_errors(flight, window),
         "replans": asdict(plan_statistics(flight.plans, window)),
-        "sender": _sender(flight, window, settings, sender),
+        "sender": _sender(flight, window, settings),
+        "process": _process(flight),
         "faults": [_timed(event, window) for event in flight.events if event.kind == "fault"],
         "judged_by": "truth" if flight.has_truth else "estimate",
         "complete": flight.complete,
@@ -160,12 +161,34 @@ def _passages(flight: Flight, gate_id: int, window: Window, track: Track | None)
     return [crossing for crossing in found if window.start <= crossing.stamp <= window.end]
 
 
-def _sender(
-    flight: Flight, window: Window, settings: Mapping[str, Any], measured: TickStatistics | None
-) -> dict[str, Any] | None:
+def _sender(flight: Flight, window: Window, settings: Mapping[str, Any]) -> dict[str, Any] | None:
     rate = settings.get("control", {}).get("rate")
-    statistics = measured or sender_statistics(flight.commands, window, rate)
-    return None if statistics is None else asdict(statistics)
+    statistics = sender_statistics(flight.commands.stamp, window, rate)
+    if statistics is None:
+        return None
+    arrivals = np.concatenate([batch.stamps for batch in flight.arrivals]) if flight.arrivals else np.zeros(0)
+    received = sender_statistics(arrivals, window, rate)
+    guard = _recorded(flight.header.get("sender", "")).get("guard")
+    extra = {"received": received and asdict(received), "guard": guard or None}
+    return asdict(statistics) | extra
+
+
+def _process(flight: Flight) -> dict[str, Any] | None:
+    """CPU use as a share of one core, and resident memory (bytes) at start and end; null in virtual time."""
+    loads = flight.loads
+    if len(loads) < 2:
+        return None
+    cpu = (loads[-1].cpu - loads[0].cpu) / (loads[-1].stamp - loads[0].stamp)
+    return {"cpu": cpu, "memory": [loads[0].memory, loads[-1].memory], "memory_max": max(x.memory for x in loads)}
+
+
+def _recorded(entry: str) -> dict[str, Any]:
+    """A JSON object of the log's header; empty where it is none."""
+    try:
+        value = json.loads(entry)
+    except json.JSONDecodeError:
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def _timed(event: Event, window: Window) -> dict[str, Any]:

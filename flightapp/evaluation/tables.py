@@ -86,6 +86,10 @@ def timing_table(summary: Mapping[str, Any]) -> TextTable:
     if sender is not None:
         name = f"commands at {sender['rate']:.1f} Hz, {sender['overruns']} overruns"
         rows.append([name, *(number(sender[key], 2, 1e3) for key in ("p50", "p99", "p999"))])
+        received = sender.get("received")
+        if received is not None:
+            name = f"as the autopilot received them: {received['rate']:.1f} Hz"
+            rows.append([name, *(number(received[key], 2, 1e3) for key in ("p50", "p99", "p999"))])
     if replans["count"] or replans["refused"]:
         name = f"plans: {replans['count']} flown, {replans['refused']} refused"
         rows.append([name, *(number(replans[key], 2, 1e3) for key in ("p50", "p99")), ""])

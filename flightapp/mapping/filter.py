@@ -17,6 +17,7 @@ import numpy as np
 
 from flightapp.frames import Vector, quat_multiply, quat_rotate, quat_to_matrix, wrap_angle
 from flightapp.jit import assign, kernel
+from flightapp.linear import factor, whiten
 
 ITERATIONS = 3
 LEAN = 0.05
@@ -139,43 +140,17 @@ def _gain_terms(P: Vector, at: int, H: Vector, R: Vector, PHt: Vector, S: Vector
 
 
 @kernel
-def _factor(S: Vector) -> bool:
-    """Replace the lower half of ``S`` (4, 4) by its Cholesky factor; False where it is not positive."""
-    for i in range(4):
-        for j in range(i + 1):
-            total = S[i, j]
-            for k in range(j):
-                total -= S[i, k] * S[j, k]
-            if i > j:
-                S[i, j] = total / S[j, j]
-            elif total > 0.0:
-                S[i, i] = math.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@kernel
-def _whiten(L: Vector, v: Vector) -> None:
-    """Replace ``v`` (4,) by L⁻¹ v."""
-    for i in range(4):
-        for k in range(i):
-            v[i] -= L[i, k] * v[k]
-        v[i] /= L[i, i]
-
-
-@kernel
 def distance(x: Vector, P: Vector, at: int, z: Vector, R: Vector) -> float:
     """Squared Mahalanobis distance of the measurement ``z`` from the state; infinite where R is no covariance."""
     h, H = np.empty(4), np.empty((4, 8))
     PHt, S = np.empty((x.size, 4)), np.empty((4, 4))
     _linearise(x, at, h, H)
     _gain_terms(P, at, H, R, PHt, S)
-    if not (_factor(R.copy()) and _factor(S)):
+    if not (factor(R.copy()) and factor(S)):
         return math.inf
     nu = z - h
     nu[3] = wrap_angle(nu[3])
-    _whiten(S, nu)
+    whiten(S, nu)
     total: float = nu[0] ** 2 + nu[1] ** 2 + nu[2] ** 2 + nu[3] ** 2
     return total
 
@@ -194,7 +169,7 @@ def correct(x: Vector, P: Vector, at: int, z: Vector, R: Vector, floors: Vector)
     for _ in range(ITERATIONS):
         _linearise(x, at, h, H)
         _gain_terms(P, at, H, R, W, S)
-        if not _factor(S):
+        if not factor(S):
             assign(x, prior)
             return False
         nu = z - h
@@ -202,9 +177,9 @@ def correct(x: Vector, P: Vector, at: int, z: Vector, R: Vector, floors: Vector)
         for k in range(4):
             for i in range(4):
                 nu[i] -= H[i, k] * (prior[k] - x[k]) + H[i, 4 + k] * (prior[at + k] - x[at + k])
-        _whiten(S, nu)
+        whiten(S, nu)
         for i in range(n):
-            _whiten(S, W[i])
+            whiten(S, W[i])
             x[i] = prior[i] + W[i, 0] * nu[0] + W[i, 1] * nu[1] + W[i, 2] * nu[2] + W[i, 3] * nu[3]
     for i in range(n):
         for j in range(i, n):

@@ -1,18 +1,26 @@
 """Runs a mission beside the tasks it needs, and sees that whatever happens ends on the ground."""
 
 import asyncio
+import contextlib
+import signal
+import threading
 import traceback
-from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.behaviors.base import Context
 from flightapp.channel import Reader
-from flightapp.interfaces import Autopilot
-from flightapp.messages import Event, Outcome, Phase
+from flightapp.interfaces import Autopilot, AutopilotError
+from flightapp.messages import AutopilotStatus, Event, FlightMode, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
 
+ASK_AGAIN = 1.0
+"""s without news of the autopilot until the landing is asked for again."""
+LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
+PILOTED = frozenset(FlightMode) - LANDING - {FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD}
+"""Modes that the application never asks for."""
 AIRBORNE = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FLYING, Phase.LANDING})
 
 
@@ -39,10 +47,12 @@ class Supervisor:
     ) -> Ending:
         """Start ``work``, connect to the ``autopilot``, fly ``mission``; never raises for what they do."""
         running = [self._start(name, coroutine) for name, coroutine in work.items()]
+        interrupted: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         try:
-            ending = await self._mission(autopilot, mission)
-            if self._context.machine.phase in AIRBORNE:
-                await self._abort(ending.reason)
+            with _caught_signals(interrupted):
+                ending = await self._mission(autopilot, mission, interrupted)
+                if self._context.machine.phase in AIRBORNE:
+                    await self._abort(ending.reason)
             return ending
         finally:
             for task in running:
@@ -60,7 +70,9 @@ class Supervisor:
             text = f"task {task.get_name()} failed at {place.name}:{place.lineno}: {type(error).__name__}: {error}"
             self._context.bus.fault.publish(Event(self._context.now(), "fault", text))
 
-    async def _mission(self, autopilot: Autopilot, mission: Callable[[], Awaitable[None]]) -> Ending:
+    async def _mission(
+        self, autopilot: Autopilot, mission: Callable[[], Awaitable[None]], interrupted: "asyncio.Future[str]"
+    ) -> Ending:
         async def fly() -> None:
             await autopilot.connect()
             await mission()
@@ -68,15 +80,13 @@ class Supervisor:
         flying = asyncio.create_task(fly(), name="mission")
         fault = asyncio.create_task(self._context.bus.fault.next(), name="fault")
         try:
-            await asyncio.wait({flying, fault}, return_when=asyncio.FIRST_COMPLETED)
-            if not flying.done():
+            waited: set[asyncio.Future[Any]] = {flying, fault, interrupted}
+            await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)
+            if flying.done():
+                return _ending(flying)
+            if fault.done():
                 return Ending(Outcome.PROCESS_FAILURE, fault.result().text)
-            return _ending(flying)
-        except asyncio.CancelledError:
-            this = asyncio.current_task()
-            if this is not None:
-                this.uncancel()
-            return Ending(Outcome.INTERRUPTED, "interrupted by a signal")
+            return Ending(Outcome.INTERRUPTED, interrupted.result())
         finally:
             for task in (flying, fault):
                 task.cancel()
@@ -91,13 +101,56 @@ class Supervisor:
             return
         try:
             async with asyncio.timeout(context.config.mission.land_timeout):
-                await context.autopilot.land()
-                status = Reader(context.autopilot.status)
-                while (latest := context.autopilot.status.latest) is None or latest.armed:
-                    await status.newest()
+                await self._land(context.autopilot)
         except Exception as error:  # the autopilot's own failsafe is what is left
-            text = f"landing not confirmed: {type(error).__name__}: {error}"
-            context.bus.event.publish(Event(context.now(), "fault", text))
+            self._event(f"landing not confirmed: {type(error).__name__}: {error}")
+
+    async def _land(self, autopilot: Autopilot) -> None:
+        """Ask for the landing, again while nobody answers, and wait until the motors are off or a pilot flies."""
+        status, asked = Reader(autopilot.status), False
+        while not _down(latest := autopilot.status.latest):
+            if latest is not None and latest.mode in PILOTED:
+                self._event(f"a pilot flies: mode {latest.mode}")
+                return
+            # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
+            if not asked:
+                try:
+                    await autopilot.land()
+                    asked = True
+                except AutopilotError as error:
+                    self._event(str(error))
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(status.newest(), ASK_AGAIN)
+
+    def _event(self, text: str) -> None:
+        self._context.bus.event.publish(Event(self._context.now(), "fault", text))
+
+
+@contextlib.contextmanager
+def _caught_signals(interrupted: "asyncio.Future[str]") -> Iterator[None]:
+    """Have the first SIGINT or SIGTERM resolve ``interrupted``; later ones change nothing: the landing goes on."""
+
+    def caught(number: signal.Signals) -> None:
+        if not interrupted.done():
+            interrupted.set_result(f"interrupted by {number.name}")
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    loop, numbers = asyncio.get_running_loop(), (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    for number in numbers:
+        loop.add_signal_handler(number, caught, number)
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            loop.remove_signal_handler(number)
+            signal.signal(number, handler)
+
+
+def _down(status: AutopilotStatus | None) -> bool:
+    return status is not None and not status.armed
 
 
 def _ending(flying: "asyncio.Task[None]") -> Ending:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.messages import Frame, MarkerDetection
-from flightapp.perception.corners import found_by_camera, track_markers
 from flightapp.perception.decoding import code_templates, correlate, read_cells
 from flightapp.perception.edges import Image, refine_corners
 from flightapp.perception.regions import merge_regions
@@ -41,7 +40,7 @@ class ArucoDetector:
     def __init__(self, config: Config, track: Track) -> None:
         code = getattr(cv2.aruco, f"DICT_{track.gate.dictionary}")
         dictionary = cv2.aruco.getPredefinedDictionary(code)
-        self._known = frozenset(track_markers(track))
+        self._known = frozenset(marker for gate in track.gates for marker in gate.markers)
         self._modules = dictionary.markerSize + 2
         self._templates = code_templates(_codes(dictionary))
         self._parameters = _parameters()
@@ -57,7 +56,7 @@ class ArucoDetector:
         """
         image = frame.image
         if image is None:
-            return found_by_camera(frame, self._known)
+            return tuple(marker for marker in frame.markers if marker.marker_id in self._known)
         if image.dtype != np.uint8 or (image.shape[2:] or (1,)) not in {(1,), (3,), (4,)} or image.ndim < 2:
             raise ValueError(f"an image must be bytes, grey or colour; this is {image.dtype} of shape {image.shape}")
         height, width = image.shape[:2]

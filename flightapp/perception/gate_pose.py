@@ -13,9 +13,9 @@ import numpy as np
 from flightapp.config import Config
 from flightapp.frames import Vector, quat_from_matrix
 from flightapp.jit import assign, kernel
+from flightapp.linear import factor, substitute
 from flightapp.messages import GateSighting, MarkerDetection
 from flightapp.perception.camera import CameraModel
-from flightapp.perception.linear import factor, substitute
 from flightapp.perception.planar import gate_candidates
 from flightapp.perception.refinement import corner_weights, refine_pose
 from flightapp.track import Track

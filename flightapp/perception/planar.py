@@ -11,7 +11,7 @@ import numpy as np
 
 from flightapp.frames import Vector, quat_from_matrix, quat_to_matrix
 from flightapp.jit import kernel
-from flightapp.perception.linear import factor, substitute
+from flightapp.linear import factor, substitute
 
 LEAST_COSINE = 0.05
 """Rays further than 87° from the middle of the points cannot be seen by the virtual camera."""

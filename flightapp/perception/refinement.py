@@ -11,8 +11,8 @@ import numpy as np
 
 from flightapp.frames import Vector, quat_from_rotvec, quat_to_matrix
 from flightapp.jit import assign, kernel
+from flightapp.linear import factor, substitute
 from flightapp.perception.camera import CameraModel
-from flightapp.perception.linear import factor, substitute
 
 STEP = 1e-5
 """Half of the central difference that gives the lens's derivative, as a fraction of the unit ray."""

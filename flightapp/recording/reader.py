@@ -26,12 +26,14 @@ from flightapp.inputs import BadInputError
 from flightapp.messages import (
     AutopilotStatus,
     Collision,
+    CommandArrivals,
     Event,
     GateMap,
     GatePassage,
     GroundTruth,
     PlanReport,
     PoseSample,
+    ProcessLoad,
     RateCommand,
     Setpoint,
     Sightings,
@@ -164,6 +166,8 @@ class _Contents:
             self._messages(PlanReport),
             self._messages(GatePassage),
             self._messages(Collision),
+            self._messages(CommandArrivals),
+            self._messages(ProcessLoad),
         )
 
     def _columns(self, kind: type, columns: type) -> Any:

@@ -16,10 +16,12 @@ import numpy as np
 from flightapp.messages import (
     AutopilotStatus,
     Collision,
+    CommandArrivals,
     Event,
     GateEstimate,
     GatePassage,
     PlanReport,
+    ProcessLoad,
 )
 from flightapp.trajectory import Trajectory
 
@@ -43,6 +45,8 @@ RECORDS: Mapping[str, type] = {
         PlanReport,
         GatePassage,
         Collision,
+        CommandArrivals,
+        ProcessLoad,
     )
 }
 """Every message type that is written this way, by the name of its schema."""

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightapp.autopilot.guard import CommandGuard, GuardTrippedError, Refusal
+from flightapp.autopilot.guard import SETTLE, CommandGuard, GuardTrippedError, Refusal
 from flightapp.config import Config
-from flightapp.messages import AutopilotStatus, FlightMode, RateCommand
+from flightapp.messages import AutopilotStatus, FlightMode, RateCommand, VehicleState
 
 CONFIG = Config()
-VEHICLE, GUARD = CONFIG.vehicle, CONFIG.guard
+VEHICLE, GUARD, LINK = CONFIG.vehicle, CONFIG.guard, CONFIG.link
 FLYING = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 0.9)
 WAITING = replace(FLYING, mode=FlightMode.HOLD)
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -88,7 +88,7 @@ def test_commands_change_no_faster_than_the_slew_limits():
     out = guard.check(command((5.0, -5.0, 0.0), 25.0, stamp=0.004), 0.004, FLYING)
     assert out.rates == pytest.approx((0.004 * GUARD.rate_slew, -0.004 * GUARD.rate_slew, 0.0))
     assert out.thrust == pytest.approx(5.0 + 0.004 * GUARD.thrust_slew)
-    late = guard.check(command((5.0, -5.0, 0.0), 25.0, stamp=1.0), 1.0, FLYING)
+    late = guard.check(command((5.0, -5.0, 0.0), 25.0, stamp=0.2), 0.2, FLYING)
     assert (tuple(late.rates), late.thrust) == ((5.0, -5.0, 0.0), 25.0)
 
 
@@ -118,6 +118,62 @@ def test_disarming_in_flight_is_a_takeover_but_offboard_before_arming_is_not():
     guard.check(command(), 0.0, disarmed)
     guard.check(command(), 0.0, FLYING)
     assert refusal(guard, command(), 0.0, disarmed) is Refusal.TAKEN_OVER
+
+
+@pytest.mark.parametrize("stamp", [np.nan, np.inf, -np.inf, -LINK.lost_after - 0.01, LINK.lost_after + 0.01])
+def test_a_status_that_is_old_or_of_no_time_is_no_status(stamp):
+    guard = CommandGuard(CONFIG)
+    assert refusal(guard, command(), 0.0, replace(FLYING, stamp=stamp)) is Refusal.LINK_LOST
+    assert guard.counts.reasons == {Refusal.LINK_LOST: 1}
+
+
+def test_a_takeover_told_by_an_old_status_is_a_takeover():
+    guard = CommandGuard(CONFIG)
+    guard.check(command(), 0.0, FLYING)
+    assert refusal(guard, command(stamp=2.0), 2.0, replace(WAITING, stamp=0.1)) is Refusal.TAKEN_OVER
+
+
+@pytest.mark.parametrize("stamp", [np.nan, -CONFIG.safety.state_timeout - 0.01, CONFIG.safety.state_timeout + 0.01])
+def test_an_old_state_is_no_ground_for_a_command(stamp):
+    guard = CommandGuard(CONFIG)
+    state = VehicleState(stamp, np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.zeros(3), np.eye(9))
+    with pytest.raises(GuardTrippedError) as caught:
+        guard.check_state(state, 0.0)
+    assert caught.value.refusal is Refusal.STATE_OLD
+    assert guard.counts.reasons == {Refusal.STATE_OLD: 1}
+    guard.check_state(replace(state, stamp=0.0), 0.2)
+
+
+def test_after_a_stall_the_autopilot_must_be_heard_anew():
+    guard = CommandGuard(CONFIG)
+    guard.check(command(), 0.0, FLYING)
+    during = replace(FLYING, stamp=0.39)
+    assert refusal(guard, command(stamp=0.4), 0.4, during) is Refusal.STALLED
+    waited = replace(FLYING, stamp=0.4 + 0.5 * SETTLE)
+    assert refusal(guard, command(stamp=0.404), 0.404, waited) is Refusal.STALLED
+    anew = replace(FLYING, stamp=0.4 + SETTLE)
+    assert guard.check(command(stamp=0.43), 0.43, anew).stamp == 0.43
+
+
+def test_a_short_stall_needs_no_new_status():
+    guard = CommandGuard(CONFIG)
+    guard.check(command(), 0.0, FLYING)
+    pause = 0.9 * (GUARD.late + GUARD.hold)
+    assert guard.check(command(stamp=pause), pause, FLYING).stamp == pause
+
+
+def test_what_pauses_before_offboard_is_no_stall():
+    guard = CommandGuard(CONFIG)
+    guard.check(command(), 0.0, WAITING)
+    assert guard.check(command(stamp=0.9), 0.9, WAITING).stamp == 0.9
+
+
+def test_refusals_are_counted_by_reason():
+    guard = CommandGuard(CONFIG)
+    for bad in (command((np.nan,) * 3), command(thrust=np.nan), command(stamp=-1.0)):
+        refusal(guard, bad, 0.0, FLYING)
+    assert guard.counts.reasons == {Refusal.NOT_FINITE: 2, Refusal.STALE: 1}
+    assert guard.counts.refused == 3
 
 
 def test_a_takeover_is_noticed_even_with_a_bad_command():

@@ -42,7 +42,7 @@ def test_takeoff_ends_in_offboard_on_a_hover_line():
     context = make_context(autopilot)
     result = fly(context, Takeoff(context, 1.5))
     assert result.outcome is Outcome.GOAL_ACHIEVED
-    assert autopilot.calls == ["arm", "takeoff", "start_offboard"]
+    assert autopilot.calls == ["takeoff", "arm", "start_offboard"]
     assert context.machine.phase is Phase.FLYING
     assert context.line.latest is not None
 

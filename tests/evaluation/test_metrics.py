@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from flightapp.evaluation.flight import Commands, Flight, Motions, Setpoints, States
+from flightapp.evaluation.flight import Flight, Motions, Setpoints, States
 from flightapp.evaluation.metrics import (
     Window,
     plan_statistics,
@@ -110,9 +110,8 @@ def test_window_is_from_flying_to_the_next_phase(events, expected):
 def test_sender_statistics_by_hand():
     """A hundred intervals of 4 ms but one of 12 ms: two deadlines were missed."""
     stamps = np.cumsum([0.0] + [0.004] * 60 + [0.012] + [0.004] * 39)
-    commands = Commands(stamps, np.zeros((101, 3)), np.zeros(101))
     for rate in (250.0, None):
-        found = sender_statistics(commands, ALL, rate)
+        found = sender_statistics(stamps, ALL, rate)
         assert found is not None
         assert found.rate == pytest.approx(100.0 / 0.408)
         assert found.p50 == pytest.approx(0.004)
@@ -121,7 +120,7 @@ def test_sender_statistics_by_hand():
 
 
 def test_sender_statistics_of_one_command_are_none():
-    assert sender_statistics(Commands(np.ones(1), np.zeros((1, 3)), np.zeros(1)), ALL) is None
+    assert sender_statistics(np.ones(1), ALL) is None
 
 
 def test_plan_statistics_count_what_was_flown_and_refused():

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from flightapp.evaluation.flight import Flight
 from flightapp.evaluation.summary import summarise, to_json, why_failed
 from flightapp.inputs import BadInputError
-from flightapp.timing import TickStatistics
 
 KEYS = {
     *("mission", "seed", "outcome", "elapsed", "v_peak", "v_avg", "gates", "tracking_rmse", "speed_rmse"),
@@ -65,13 +64,6 @@ def test_laps_take_passages_in_turn(flight):
     gates = summarise(dataclasses.replace(flight, header=header, passages=passages))["gates"]
     assert [(gate["lap"], gate["id"]) for gate in gates] == [(lap, i) for lap in (1, 2) for i in range(4)]
     assert [gate["time"] for gate in gates if gate["id"] == 0] == [1.0, 9.0]
-
-
-def test_what_the_caller_knows_better_wins(flight):
-    measured = TickStatistics(249.5, 0.004, 0.0045, 0.006, 3)
-    summary = summarise(flight, outcome="TIME_OUT", sender=measured)
-    assert summary["outcome"] == "TIME_OUT"
-    assert summary["sender"] == dataclasses.asdict(measured)
 
 
 def test_an_empty_flight_has_a_summary():

@@ -5,6 +5,7 @@ import os
 import signal
 from types import SimpleNamespace
 
+import pytest
 from fakes import FakeAutopilot, make_context, stream_states, virtually
 
 from flightapp.behaviors.base import Coordinator
@@ -42,7 +43,7 @@ def test_a_whole_mission():
     ending, context, autopilot = fly(up_and_down)
     assert ending.outcome is Outcome.GOAL_ACHIEVED
     assert context.machine.phase is Phase.LANDED
-    assert autopilot.calls == ["connect", "arm", "takeoff", "start_offboard", "land"]
+    assert autopilot.calls == ["connect", "takeoff", "arm", "start_offboard", "land"]
 
 
 def test_a_mission_that_forgets_to_land_is_landed():
@@ -105,10 +106,13 @@ def test_a_task_that_dies_lands():
     assert not autopilot.status.latest.armed
 
 
-def test_an_interrupt_lands():
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_lands_and_a_second_one_changes_nothing(number):
     async def interrupt(context):
         await asyncio.sleep(4.0)
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
+        await asyncio.sleep(1.0)
+        os.kill(os.getpid(), number)
 
     ending, context, autopilot = fly(up_and_down, during=interrupt)
     assert ending.outcome is Outcome.INTERRUPTED

@@ -1,3 +1,5 @@
+"""The model of PX4 behind the interface that the application flies by."""
+
 import math
 
 import numpy as np
@@ -6,7 +8,7 @@ import pytest
 from flightapp.config import load_config
 from flightapp.frames import GRAVITY, quat_from_euler
 from flightapp.interfaces import AutopilotError
-from flightapp.messages import FlightMode, RateCommand
+from flightapp.messages import FlightMode, PoseSample, RateCommand
 from sim import layout as at
 from sim.autopilot import SimAutopilot
 from sim.plant import Plant
@@ -32,20 +34,30 @@ class Bench:
         with pytest.raises(StopIteration):
             call.send(None)
 
-    def fly(self, seconds, send=None, piece=0.004):
+    def see(self):
+        row = self.plant.state_at(self.now)
+        self.autopilot.send_pose(PoseSample(self.now, row[1:4], row[4:8], row[8:11], row[11:14], 3))
+
+    def fly(self, seconds, send=None, piece=0.004, see=True):
         end = self.now + seconds
         while self.now < end - 1e-9:
+            if see:
+                self.see()
             if send is not None:
                 self.autopilot.send(RateCommand(self.now, np.array(send[:3]), send[3]))
             self.now = min(self.now + piece, end)
             self.autopilot.advance(self.now)
 
     def airborne(self):
-        self.fly(1.1)
-        self.do("arm")
+        self.prepare()
         self.do("takeoff", HEIGHT)
+        self.do("arm")
         self.fly(6.0)
         return self
+
+    def prepare(self):
+        self.fly(1.2)
+        assert self.autopilot.status.latest.ready
 
     @property
     def mode(self):
@@ -59,14 +71,14 @@ class Bench:
 @pytest.mark.parametrize("name", ["px4", "iris", "f330", "racer", "limits"])
 def test_it_takes_off_holds_lands_and_disarms(name):
     bench = Bench(name).airborne()
-    assert bench.mode is FlightMode.HOLD
+    assert bench.mode is FlightMode.TAKEOFF
     assert not bench.autopilot.status.latest.landed
     assert bench.plant.position[2] == pytest.approx(HEIGHT, abs=0.25)
     bench.do("land")
     bench.fly(6.0)
     assert not bench.armed
     assert bench.autopilot.status.latest.landed
-    assert bench.mode is FlightMode.MANUAL
+    assert bench.mode is FlightMode.TAKEOFF
     assert bench.plant.on_ground
     assert np.all(bench.plant.rotor_speeds == 0.0)
     climbs = np.diff([s.stamp for s in bench.seen])
@@ -75,9 +87,9 @@ def test_it_takes_off_holds_lands_and_disarms(name):
 
 def test_it_climbs_and_sinks_at_px4s_speeds_and_touches_down_softly():
     bench = Bench()
-    bench.fly(1.1)
-    bench.do("arm")
+    bench.prepare()
     bench.do("takeoff", 6.0)
+    bench.do("arm")
     bench.fly(4.0)
     assert bench.plant.velocity[2] == pytest.approx(1.5, abs=0.2)
     bench.fly(6.0)
@@ -101,7 +113,12 @@ def test_its_position_is_never_exact_but_close():
 
 
 def test_hold_brakes_and_stays():
-    bench = Bench().airborne()
+    bench = Bench()
+    bench.autopilot.px4.set_global_origin()
+    bench.airborne()
+    assert bench.mode is FlightMode.HOLD
+    bench.fly(0.1, send=(0.0, 0.0, 0.0, GRAVITY))
+    bench.do("start_offboard")
     bench.plant._state[at.VELOCITY : at.VELOCITY + 2] = (4.0, -3.0)
     bench.do("hold")
     start = bench.plant.position
@@ -112,50 +129,84 @@ def test_hold_brakes_and_stays():
     assert bench.plant.position[2] == pytest.approx(HEIGHT, abs=0.4)
 
 
+def test_hold_is_refused_in_flight_without_a_global_position():
+    bench = Bench().airborne()
+    with pytest.raises(AutopilotError, match=r"hold refused: .*global position"):
+        bench.autopilot.hold().send(None)
+    assert bench.mode is FlightMode.TAKEOFF
+
+
 def test_it_holds_in_wind():
     bench = Bench(wind=5.0, gust=1.0).airborne()
     bench.fly(6.0)
     assert np.linalg.norm(bench.plant.position[:2]) < 0.7
-    assert bench.mode is FlightMode.HOLD
+    assert bench.mode is FlightMode.TAKEOFF
 
 
-def test_arming_and_takeoff_are_refused_before_there_is_a_position():
+def test_arming_is_refused_before_there_is_a_position():
     bench = Bench()
     bench.fly(0.5)
     assert not bench.autopilot.status.latest.ready
-    for name, args in (("arm", ()), ("takeoff", (1.0,)), ("hold", ())):
-        with pytest.raises(AutopilotError, match="local position"):
-            getattr(bench.autopilot, name)(*args).send(None)
-    bench.fly(0.6)
+    bench.do("takeoff", 1.0)
+    with pytest.raises(AutopilotError, match=r"arming refused: .*local position"):
+        bench.autopilot.arm().send(None)
+    bench.fly(0.7)
     assert bench.autopilot.status.latest.ready
     bench.do("arm")
     assert bench.armed
 
 
+def test_its_texts_are_told_once_the_application_has_connected():
+    bench = Bench()
+    told = []
+    bench.autopilot.notices.tap(lambda event: told.append((event.kind, event.text)))
+    bench.do("connect")
+    bench.airborne()
+    assert ("autopilot", "Takeoff detected") in told
+    assert not bench.autopilot.px4.texts
+
+
+def test_poses_reach_the_estimator_no_more_often_than_it_takes_them(monkeypatch):
+    bench = Bench()
+    taken = []
+    monkeypatch.setattr(bench.autopilot.px4, "external_vision", lambda stamp, *_: taken.append(stamp))
+    bench.fly(1.0, piece=0.005)
+    assert np.diff(taken) == pytest.approx(0.02)
+
+
+def test_disarming_in_flight_is_refused_but_killing_is_not():
+    bench = Bench().airborne()
+    with pytest.raises(AutopilotError, match="not landed"):
+        bench.autopilot.disarm().send(None)
+    bench.do("kill")
+    assert not bench.armed
+    bench.do("disarm")
+
+
 @pytest.mark.parametrize("height", [0.0, -1.0, math.nan])
 def test_a_takeoff_without_height_is_refused(height):
     bench = Bench()
-    bench.fly(1.1)
+    bench.prepare()
     with pytest.raises(AutopilotError, match="height must be positive"):
         bench.autopilot.takeoff(height).send(None)
 
 
 def test_offboard_is_refused_without_a_fresh_setpoint():
     bench = Bench().airborne()
-    with pytest.raises(AutopilotError, match="no offboard signal"):
+    with pytest.raises(AutopilotError, match="No offboard signal"):
         bench.autopilot.start_offboard().send(None)
     bench.fly(0.1, send=(0.0, 0.0, 0.0, GRAVITY))
-    assert bench.mode is FlightMode.HOLD
-    bench.fly(0.6)
-    with pytest.raises(AutopilotError, match="no offboard signal"):
+    assert bench.mode is FlightMode.TAKEOFF
+    bench.fly(0.62)
+    with pytest.raises(AutopilotError, match="No offboard signal"):
         bench.autopilot.start_offboard().send(None)
 
 
 def test_arming_in_land_is_refused():
     bench = Bench()
-    bench.fly(1.1)
+    bench.prepare()
     bench.do("land")
-    with pytest.raises(AutopilotError, match="switch to another mode"):
+    with pytest.raises(AutopilotError, match="Mode not suitable for arming"):
         bench.autopilot.arm().send(None)
 
 
@@ -192,10 +243,10 @@ def test_losing_the_application_lands():
     lost = bench.now
     bench.fly(0.48)
     assert bench.mode is FlightMode.OFFBOARD
-    bench.fly(0.05)
+    bench.fly(0.13)
     assert bench.mode is FlightMode.LAND
     change = next(s.stamp for s in bench.seen if s.mode is FlightMode.LAND)
-    assert 0.49 < change - lost < 0.51
+    assert 0.49 < change - lost < 0.61
     bench.fly(8.0)
     assert not bench.armed
     assert bench.plant.on_ground
@@ -208,7 +259,7 @@ def test_one_long_advance_does_what_many_short_ones_do():
         bench = Bench().airborne()
         bench.fly(0.05, send=(0.0, 0.0, 0.0, GRAVITY))
         bench.do("start_offboard")
-        bench.fly(3.7, piece=piece)
+        bench.fly(3.7, piece=piece, see=False)
         flights.append(bench.plant.state_at(bench.now))
     assert flights[0] == pytest.approx(flights[1], abs=1e-12)
 
@@ -224,23 +275,25 @@ def test_the_trace_holds_the_whole_of_an_advance():
 
 def test_armed_on_the_ground_it_disarms_by_itself():
     bench = Bench()
-    bench.fly(1.1)
+    bench.prepare()
+    bench.fly(0.1, send=(0.0, 0.0, 0.0, 0.0))
+    bench.do("start_offboard")
     bench.do("arm")
-    bench.fly(9.5)
+    bench.fly(9.5, send=(0.0, 0.0, 0.0, 0.0))
     assert bench.armed
-    bench.fly(0.8)
+    bench.fly(0.8, send=(0.0, 0.0, 0.0, 0.0))
     assert not bench.armed
 
 
 def test_takeoff_before_arming_waits_for_it():
     bench = Bench()
-    bench.fly(1.1)
+    bench.prepare()
     bench.do("takeoff", 1.0)
     bench.fly(1.0)
     assert bench.plant.on_ground
     bench.do("arm")
     bench.fly(6.0)
-    assert bench.mode is FlightMode.HOLD
+    assert bench.mode is FlightMode.TAKEOFF
     assert bench.plant.position[2] == pytest.approx(1.0, abs=0.25)
 
 
@@ -248,8 +301,8 @@ def test_it_flies_again_after_landing():
     bench = Bench().airborne()
     bench.do("land")
     bench.fly(6.0)
-    bench.do("arm")
     bench.do("takeoff", 2.0)
+    bench.do("arm")
     bench.fly(6.0)
     assert bench.plant.position[2] == pytest.approx(2.0, abs=0.25)
 

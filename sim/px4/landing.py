@@ -18,8 +18,8 @@ RISEN = 0.15
 """m above where it stood, airborne."""
 LOW_THRUST = 0.3
 """Share of the hover thrust below which the vehicle cannot fly."""
-DISARM_TIME = 1.0
-"""s, COM_DISARM_LAND: landed so long, it disarms."""
+BLIND_TIME = 8.0
+"""s with so little thrust that count as landed where the vertical velocity is not known."""
 
 
 class LandDetector:
@@ -60,6 +60,20 @@ class LandDetector:
         if still >= TOUCH_TIME + LANDED_TIME:
             self.landed, self._landed_since = True, now
 
-    def disarms(self, now: float) -> bool:
-        """Whether it has been landed for long enough to disarm."""
-        return self.landed and now - self._landed_since >= DISARM_TIME
+    def update_blind(self, now: float, throttle: float | None) -> None:
+        """As `update` without a vertical velocity: PX4 then takes it that the vehicle moves.
+
+        Only a ``throttle`` that stays too low to fly ends that; None where PX4 gives it by itself.
+        """
+        self.touched = False
+        if throttle is None or throttle >= self._low:
+            self.landed = False
+            self._still_since = self._landed_since = math.inf
+            return
+        self._still_since = min(self._still_since, now)
+        if not self.landed and now - self._still_since >= BLIND_TIME:
+            self.landed, self._landed_since = True, now
+
+    def landed_for(self, now: float) -> float:
+        """s since the landing was detected; negative before any."""
+        return now - self._landed_since if self.landed else -math.inf

@@ -58,6 +58,15 @@ def _force(setpoint: Vector, position: Vector, velocity: Vector, integral: Vecto
 
 
 @kernel
+def turn(wanted: Vector, orientation: Vector) -> Vector:
+    """Body rates (3,) in rad/s that turn ``orientation`` (4,) into ``wanted`` (4,): PX4's attitude P controller."""
+    error = quat_to_rotvec(quat_multiply(quat_conjugate(orientation), wanted))
+    for i in range(3):
+        error[i] = min(max(ATTITUDE_P[i] * error[i], -RATE_MAX), RATE_MAX)
+    return error
+
+
+@kernel
 def _rates(force: Vector, yaw: float, orientation: Vector) -> Vector:
     """Body rates (3,) that turn body z towards ``force`` (3,) and body x towards ``yaw``."""
     z = force / math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
@@ -67,10 +76,7 @@ def _rates(force: Vector, yaw: float, orientation: Vector) -> Vector:
     R_wb[:, 0] = (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0])
     R_wb[:, 1] = y
     R_wb[:, 2] = z
-    error = quat_to_rotvec(quat_multiply(quat_conjugate(orientation), quat_from_matrix(R_wb)))
-    for i in range(3):
-        error[i] = min(max(ATTITUDE_P[i] * error[i], -RATE_MAX), RATE_MAX)
-    return error
+    return turn(quat_from_matrix(R_wb), orientation)
 
 
 @kernel
@@ -83,11 +89,18 @@ def control(
     return rates[0], rates[1], rates[2], math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
 
 
+@kernel
+def _level(force: float, yaw: float, orientation: Vector) -> tuple[float, float, float]:
+    """Body rates in rad/s (FLU) that keep the vehicle upright, facing ``yaw``."""
+    rates = _rates(np.array((0.0, 0.0, force)), yaw, orientation)
+    return rates[0], rates[1], rates[2]
+
+
 class PositionController:
-    """Follows a moving position setpoint; all in the world frame, with the estimate that it is given."""
+    """Follows a moving position setpoint, or stays level; all in the frame of the estimate that it is given."""
 
     def __init__(self, thrust: ThrustMap) -> None:
-        self._thrust = thrust
+        self.thrust = thrust
         self._integral = np.zeros(3)
         self._setpoint = np.zeros(6)
         self.yaw = 0.0
@@ -107,6 +120,11 @@ class PositionController:
         self._integral[:] = 0.0
         self._setpoint[:3], self._setpoint[3:], self.yaw = position, velocity, yaw
 
+    def shift(self, move: Vector, turned: float) -> None:
+        """Move the setpoint by ``move`` (3,) m and ``turned`` rad, with an estimate that was reset."""
+        self._setpoint[:3] += move
+        self.yaw += turned
+
     def steer(self, climb: float, dt: float) -> None:
         """Bring the setpoint's velocity to ``climb`` m/s upwards, acceleration bounded, and move it on by ``dt``."""
         velocity = self._setpoint[3:].tolist()
@@ -123,4 +141,20 @@ class PositionController:
     ) -> tuple[tuple[float, float, float], float]:
         """Body rates in rad/s, FLU, and throttle 0..1 towards the setpoint."""
         p, q, r, force = control(self._setpoint, self.yaw, position, velocity, orientation, self._integral, dt)
-        return (p, q, r), max(self._thrust.throttle(force), THRUST_MIN)
+        return (p, q, r), self._throttle(force)
+
+    def command_level(
+        self, climb_wanted: float, climb: float, orientation: Vector, dt: float
+    ) -> tuple[tuple[float, float, float], float]:
+        """As `command`, but upright, rising at ``climb_wanted`` m/s with the estimated ``climb``."""
+        self._setpoint[5] = climb_wanted
+        error = climb_wanted - climb
+        self._integral[2] = min(max(self._integral[2] + VELOCITY_I[2] * error * dt, -GRAVITY), GRAVITY)
+        return self.command_force(max(GRAVITY + VELOCITY_P[2] * error + self._integral[2], FORCE_MIN), orientation)
+
+    def command_force(self, force: float, orientation: Vector) -> tuple[tuple[float, float, float], float]:
+        """As `command`, but upright with a specific ``force`` in m/s², whatever comes of it."""
+        return _level(force, self.yaw, orientation), self._throttle(force)
+
+    def _throttle(self, force: float) -> float:
+        return max(self.thrust.throttle(force), THRUST_MIN)

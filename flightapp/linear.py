@@ -24,14 +24,19 @@ def factor(A: Vector) -> bool:
 
 
 @kernel
+def whiten(L: Vector, v: Vector) -> None:
+    """Replace ``v`` (n,) by L⁻¹ v, with ``L`` (n, n) from `factor`."""
+    for i in range(v.size):
+        for k in range(i):
+            v[i] -= L[i, k] * v[k]
+        v[i] /= L[i, i]
+
+
+@kernel
 def substitute(L: Vector, b: Vector) -> None:
     """Replace ``b`` (n,) by the solution of L Lᵀ x = b, with ``L`` (n, n) from `factor`."""
-    n = b.size
-    for i in range(n):
-        for k in range(i):
-            b[i] -= L[i, k] * b[k]
-        b[i] /= L[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
+    whiten(L, b)
+    for i in range(b.size - 1, -1, -1):
+        for k in range(i + 1, b.size):
             b[i] -= L[k, i] * b[k]
         b[i] /= L[i, i]

@@ -1,0 +1,167 @@
+"""Faults of the link and of the vehicle behind it, by name: at once, or at a time."""
+
+import heapq
+import math
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from itertools import count
+from random import Random
+
+from flightapp.inputs import BadInputError
+from sim.px4.model import Px4
+from sim.px4.modes import NavState
+
+Value = float | str | bool | Sequence[str] | None
+
+
+class Faults:
+    """What is broken now; the endpoint asks here before it sends, receives or obeys.
+
+    ``time`` is the clock of the schedule, ``seed`` decides which packets are lost.
+    """
+
+    def __init__(self, px4: Px4, time: Callable[[], float], seed: int = 0) -> None:
+        self._px4 = px4
+        self._time = time
+        self._random = Random(seed)
+        self._silent_until = -math.inf
+        self._counter = count()
+        self._scheduled: list[tuple[float, int, Callable[[], object]]] = []
+        self.loss_in = self.loss_out = 0.0
+        """Share of the packets to and from the vehicle that are lost."""
+        self.latency = self.jitter = 0.0
+        """s that packets take both ways, and how much longer at most."""
+        self.telemetry_nan = False
+        """Measured and estimated numbers are NaN."""
+        self.setpoints_ignored = self.vision_ignored = False
+        self.acknowledged_early = False
+        """Mode commands are accepted before the vehicle answers, as some versions of PX4 do (its issue 27343)."""
+        self.missing: frozenset[str] = frozenset()
+        """Parameters that this vehicle doesn't know."""
+        self._kinds: dict[str, Callable[[Value], Callable[[], object]]] = {
+            "loss": lambda value: self._setting(_share(value), "loss_in", "loss_out"),
+            "loss_in": lambda value: self._setting(_share(value), "loss_in"),
+            "loss_out": lambda value: self._setting(_share(value), "loss_out"),
+            "latency": lambda value: self._setting(_seconds(value), "latency"),
+            "jitter": lambda value: self._setting(_seconds(value), "jitter"),
+            "silence": self._silence,
+            "telemetry_nan": lambda value: self._setting(_switch(value), "telemetry_nan"),
+            "setpoints_ignored": lambda value: self._setting(_switch(value), "setpoints_ignored"),
+            "vision_ignored": lambda value: self._setting(_switch(value), "vision_ignored"),
+            "acknowledged_early": lambda value: self._setting(_switch(value), "acknowledged_early"),
+            "missing": lambda value: self._setting(_names(value), "missing"),
+            "reboot": lambda _: px4.reboot,
+            "battery": lambda _: px4.fail_battery,
+            "pilot": self._pilot,
+            "pilot_lost": lambda _: px4.lose_pilot,
+            "refuse_arming": self._refuse,
+        }
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All faults that there are."""
+        return tuple(self._kinds)
+
+    def apply(self, name: str, value: Value = None) -> None:
+        """Let ``name`` happen now; raises `BadInputError` for an unknown name or a value that doesn't fit."""
+        self._prepare(name, value)()
+
+    def schedule(self, stamp: float, name: str, value: Value = None) -> None:
+        """Let ``name`` happen at ``stamp``; raises `BadInputError` at once."""
+        heapq.heappush(self._scheduled, (stamp, next(self._counter), self._prepare(name, value)))
+
+    def run(self, now: float) -> None:
+        """Do what was scheduled up to ``now``."""
+        while self._scheduled and self._scheduled[0][0] <= now:
+            heapq.heappop(self._scheduled)[2]()
+
+    @property
+    def silent(self) -> bool:
+        """Whether no packet gets through."""
+        return self._time() < self._silent_until
+
+    @property
+    def harmless(self) -> bool:
+        """Whether packets get through at once, all of them."""
+        return not (self.latency or self.jitter or self.loss_in or self.loss_out or self.silent)
+
+    def delay(self, loss: float) -> float | None:
+        """s that a packet takes; None if it is lost."""
+        if self.silent or (loss and self._random.random() < loss):
+            return None
+        return self.latency + (self._random.random() * self.jitter if self.jitter else 0.0)
+
+    def _prepare(self, name: str, value: Value) -> Callable[[], object]:
+        kind = self._kinds.get(name)
+        if kind is None:
+            near = get_close_matches(name, self._kinds, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else f"; there are {', '.join(self._kinds)}"
+            raise BadInputError(f"unknown fault '{name}'{hint}")
+        try:
+            return kind(value)
+        except ValueError as error:
+            raise BadInputError(f"fault '{name}': {error}") from None
+
+    def _setting(self, value: object, *attributes: str) -> Callable[[], object]:
+        def change() -> None:
+            for attribute in attributes:
+                setattr(self, attribute, value)
+
+        return change
+
+    def _silence(self, value: Value) -> Callable[[], object]:
+        duration = _seconds(value)
+
+        def begin() -> None:
+            self._silent_until = self._time() + duration
+
+        return begin
+
+    def _pilot(self, value: Value) -> Callable[[], object]:
+        names = {state.label.upper(): state for state in NavState} | {state.name: state for state in NavState}
+        state = names.get(str(value).upper())
+        if state is None:
+            raise ValueError(f"'{value}' is no flight mode; there are {', '.join(s.label for s in NavState)}")
+        return lambda: self._px4.pilot(state)
+
+    def _refuse(self, value: Value) -> Callable[[], object]:
+        reason = value if isinstance(value, str) else ("Simulated failure" if _switch(value) else None)
+        return lambda: self._px4.refuse_arming(reason or None)
+
+
+def _number(value: Value) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{value!r} is not a number")
+    try:
+        number = float(value)
+    except ValueError:
+        raise ValueError(f"'{value}' is not a number") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{number} is not finite")
+    return number
+
+
+def _share(value: Value) -> float:
+    number = _number(value)
+    if not 0.0 <= number <= 1.0:
+        raise ValueError(f"a share is 0 to 1, not {number:g}")
+    return number
+
+
+def _seconds(value: Value) -> float:
+    number = _number(value)
+    if number < 0.0:
+        raise ValueError(f"a time is 0 s or more, not {number:g}")
+    return number
+
+
+def _switch(value: Value) -> bool:
+    """None is on: to name a fault is enough."""
+    return True if value is None else value if isinstance(value, bool) else bool(_number(value))
+
+
+def _names(value: Value) -> frozenset[str]:
+    given = value.split(",") if isinstance(value, str) else value if isinstance(value, Sequence) else None
+    if given is None:
+        raise ValueError("give the names of parameters")
+    return frozenset(name.strip() for name in given if name.strip())

@@ -1,0 +1,124 @@
+"""What the vehicle does in the modes that PX4 flies by itself.
+
+After src/modules/flight_mode_manager/tasks and the takeoff state machine of the position controller (PX4 v1.16):
+takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED, descending stays level and,
+without a height, sinks with a fixed acceleration. A pilot's sticks are taken to be centred.
+"""
+
+import math
+
+import numpy as np
+
+from flightapp.autopilot.thrust import ThrustMap
+from flightapp.frames import GRAVITY, quat_yaw
+from sim.px4.estimator import Estimate
+from sim.px4.landing import LandDetector
+from sim.px4.modes import NavState
+from sim.px4.parameters import Parameters
+from sim.px4.position_control import ACCELERATION, PositionController, turn
+
+SINK = 0.3
+"""m/s², downwards, of a descent without a height."""
+REACHED = 0.15
+"""m, below the takeoff height, where the climb counts as complete."""
+TICK = 0.01
+"""s, period of the position controller."""
+
+BY_POSITION = frozenset(
+    {NavState.AUTO_TAKEOFF, NavState.AUTO_LOITER, NavState.AUTO_LAND, NavState.AUTO_MISSION, NavState.AUTO_RTL}
+    | {NavState.POSCTL}
+)
+LEVEL = frozenset({NavState.DESCEND, NavState.ALTCTL})
+BY_HAND = frozenset({NavState.STAB, NavState.MANUAL, NavState.ACRO})
+"""Modes without a vertical velocity to follow."""
+
+Command = tuple[tuple[float, float, float], float]
+"""Body rates in rad/s, FLU, and throttle 0..1."""
+IDLE: Command = ((0.0, 0.0, 0.0), 0.0)
+
+
+class Flight:
+    """Gives the commands of the modes that are flown without setpoints from outside."""
+
+    def __init__(self, parameters: Parameters, curve: float) -> None:
+        self._parameters = parameters
+        self._curve = curve
+        self._known = parameters.version
+        self._controller = PositionController(self._map())
+        self.detector = LandDetector(float(parameters["MPC_THR_HOVER"]))
+        self.target = math.nan
+        """m, height that a takeoff climbs to."""
+
+    def _map(self) -> ThrustMap:
+        return ThrustMap(float(self._parameters["MPC_THR_HOVER"]), self._curve)
+
+    @property
+    def climb_wanted(self) -> float:
+        """m/s, upwards."""
+        return self._controller.climb
+
+    def enter(self, mode: NavState, estimate: Estimate) -> None:
+        """Begin ``mode`` where the vehicle is."""
+        if self._known != self._parameters.version:
+            self._known = self._parameters.version
+            self._controller.thrust = self._map()
+        if mode is NavState.AUTO_TAKEOFF:
+            self.target = float(estimate.position[2]) + float(self._parameters["MIS_TAKEOFF_ALT"])
+        moving = np.zeros(3) if self.detector.landed else estimate.velocity
+        self._controller.reset(estimate.position, moving, float(quat_yaw(estimate.orientation)))
+
+    def shift(self, estimate_move: np.ndarray, turned: float) -> None:
+        """Stay where it is although the estimate was reset by (3,) m and ``turned`` rad."""
+        self._controller.shift(estimate_move, turned)
+        self.target += float(estimate_move[2])
+        if self.detector.ground is not None:
+            self.detector.ground += float(estimate_move[2])
+
+    def climbed(self, estimate: Estimate) -> bool:
+        """Whether a takeoff is complete."""
+        return float(estimate.position[2]) > self.target - REACHED
+
+    def watch_ground(self, now: float, estimate: Estimate, throttle: float | None) -> None:
+        """Let the land detector judge; ``throttle`` 0..1 where no vertical velocity is followed."""
+        if not estimate.altitude_valid:
+            self.detector.update_blind(now, throttle)
+            return
+        height, climb = float(estimate.position[2]), float(estimate.velocity[2])
+        self.detector.update(now, height, climb, self._controller.climb, throttle)
+
+    def command(self, mode: NavState, estimate: Estimate, spooling: bool) -> Command:
+        """One step of `TICK` in ``mode``; ``spooling`` while the motors still come up to speed."""
+        detector, controller = self.detector, self._controller
+        if (detector.landed and (spooling or mode is not NavState.AUTO_TAKEOFF)) or detector.touched:
+            sinking = -self._sink_speed if mode in (NavState.AUTO_LAND, NavState.DESCEND) else 0.0
+            controller.reset(estimate.position, np.array((0.0, 0.0, sinking)), controller.yaw)
+            return IDLE
+        if mode in BY_POSITION:
+            controller.steer(self._climb(mode), TICK)
+            return controller.command(estimate.position, estimate.velocity, estimate.orientation, TICK)
+        if mode in LEVEL and estimate.altitude_valid:
+            climb = -self._sink_speed if mode is NavState.DESCEND else 0.0
+            return controller.command_level(climb, float(estimate.velocity[2]), estimate.orientation, TICK)
+        if mode is NavState.ACRO:
+            return (0.0, 0.0, 0.0), controller.command_force(GRAVITY, estimate.orientation)[1]
+        force = GRAVITY - SINK if mode is NavState.DESCEND else GRAVITY
+        return controller.command_force(force, estimate.orientation)
+
+    @property
+    def _sink_speed(self) -> float:
+        return float(self._parameters["MPC_LAND_SPEED"])
+
+    def _climb(self, mode: NavState) -> float:
+        """Vertical velocity of the setpoint as ``mode`` asks; sideways it brakes."""
+        if mode is NavState.AUTO_LAND:
+            return -self._sink_speed
+        if mode is NavState.AUTO_TAKEOFF:
+            left = max(self.target - self._controller.height, 0.0)
+            return min(float(self._parameters["MPC_TKO_SPEED"]), math.sqrt(ACCELERATION * left), left / TICK)
+        return 0.0
+
+
+def attitude_rates(wanted: np.ndarray, estimate: Estimate) -> tuple[float, float, float]:
+    """Body rates in rad/s that turn the vehicle into ``wanted`` (4,), local frame."""
+    p, q, r = turn(wanted, estimate.orientation).tolist()
+    return p, q, r

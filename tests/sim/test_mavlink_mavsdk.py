@@ -1,0 +1,123 @@
+"""Real MAVSDK against the simulated vehicle, over loopback."""
+
+import asyncio
+import contextlib
+import json
+import socket
+
+import mavsdk.logging
+import pytest
+from mavlink_cases import Rig
+from mavsdk.asyncio import Configuration, Mavsdk
+from mavsdk.asyncio.plugins.action import ActionAsync
+from mavsdk.asyncio.plugins.info import InfoAsync
+from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
+from mavsdk.asyncio.plugins.param import ParamAsync
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.plugins.action import ActionError
+from mavsdk.plugins.mavlink_direct import MavlinkMessage
+
+from sim.px4.modes import NavState
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextlib.asynccontextmanager
+async def flown():
+    """A vehicle and the system that MAVSDK has found; commands come from its companion computer."""
+    mavsdk.logging.log_subscribe(lambda *_: True)
+    port = free_port()
+    library = Mavsdk(Configuration.create_manual(1, 191, True))
+    async with Rig(remote=("127.0.0.1", port)) as rig:
+        try:
+            await library.add_any_connection(f"udpin://127.0.0.1:{port}")
+            system = await library.first_autopilot(timeout_s=5.0)
+            assert system is not None
+            yield rig, system
+        finally:
+            await asyncio.to_thread(library.destroy)
+
+
+async def until(condition, timeout):
+    async with asyncio.timeout(timeout):
+        while not condition():
+            await asyncio.sleep(0.02)
+
+
+async def test_mavsdk_finds_reads_and_sets_up_the_vehicle():
+    async with flown() as (rig, system):
+        version = await InfoAsync(system).get_version()
+        assert (version.flight_sw_major, version.flight_sw_minor, version.flight_sw_patch) == (1, 16, 1)
+        parameters = ParamAsync(system)
+        assert await parameters.get_param_int("EKF2_EV_CTRL") == 15
+        assert await parameters.get_param_float("COM_OF_LOSS_T") == 0.5
+        await parameters.set_param_float("MIS_TAKEOFF_ALT", 1.5)
+        await parameters.set_param_int("NAV_DLL_ACT", 1)
+        assert (rig.px4.parameters["MIS_TAKEOFF_ALT"], rig.px4.parameters["NAV_DLL_ACT"]) == (1.5, 1)
+        everything = await parameters.get_all_params()
+        assert len(everything.int_params) + len(everything.float_params) == len(rig.px4.parameters)
+        telemetry = TelemetryAsync(system)
+        await telemetry.set_rate_odometry(100.0)
+        times = []
+        async for told in telemetry.subscribe_odometry():
+            times.append(told.time_usec)
+            if len(times) == 30:
+                break
+        assert (times[-1] - times[0]) / 29 == pytest.approx(1e4, rel=0.15)
+
+
+async def test_mavsdk_sees_a_local_position_but_indoors_never_armable():
+    async with flown() as (rig, system):
+        told = []
+
+        async def listen():
+            async for health in TelemetryAsync(system).subscribe_health():
+                told.append((health.is_local_position_ok, health.is_armable, health.is_global_position_ok))
+
+        listening = asyncio.create_task(listen())
+        await until(lambda: len(told) >= 2, 4.0)
+        assert set(told) == {(False, False, False)}
+        rig.feed_inside()
+        await until(lambda: told[-1][0], 4.0)
+        assert told[-1] == (True, False, False)
+        listening.cancel()
+
+
+async def test_refused_arming_is_explained_and_offboard_flies_by_direct_messages():
+    async with flown() as (rig, system):
+        texts = []
+
+        async def listen():
+            async for text in TelemetryAsync(system).subscribe_status_text():
+                texts.append(text.text)
+
+        async def stream():
+            direct = MavlinkDirectAsync(system)
+            fields = {"target_system": 1, "target_component": 1, "type_mask": 128, "q": [1, 0, 0, 0], "thrust": 0.1}
+            fields |= {"time_boot_ms": 0, "body_roll_rate": 0.5, "body_pitch_rate": 0, "body_yaw_rate": -0.25}
+            message = MavlinkMessage("SET_ATTITUDE_TARGET", 0, 0, 1, 1, json.dumps(fields))
+            while True:
+                await direct.send_message(message)
+                await asyncio.sleep(0.02)
+
+        action, tasks = ActionAsync(system), [asyncio.create_task(listen())]
+        with pytest.raises(ActionError, match="DENIED"):
+            await action.arm()
+        await until(lambda: any("Arming denied" in text for text in texts), 1.0)
+        rig.feed_inside()
+        await until(lambda: rig.px4.ready, 4.0)
+        tasks.append(asyncio.create_task(stream()))
+        await until(lambda: rig.endpoint.watch.statistics().count > 5, 2.0)
+        assert rig.px4.set_mode(NavState.OFFBOARD).accepted
+        await action.arm()
+        assert (rig.px4.armed, rig.px4.nav_state) == (True, NavState.OFFBOARD)
+        seen = rig.endpoint.watch.statistics()
+        assert seen.setpoint.rates == pytest.approx((0.5, 0.0, -0.25))
+        assert seen.targets == {(1, 1): seen.count}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,0 +1,115 @@
+"""The rig of a real vehicle."""
+
+import asyncio
+import socket
+
+import numpy as np
+import pytest
+from fakes import virtually
+
+from flightapp import rigs
+from flightapp.channel import Topic
+from flightapp.config import load_config
+from flightapp.inputs import BadInputError
+from flightapp.messages import PoseSample
+from flightapp.rigs import Px4Rig, SelfPositionedLink, TopicPoses
+from flightapp.sensors.poses import SocketPoses
+from flightapp.track import Gate, Start, Track
+from sim.remote import MavlinkRig
+from sim.rig import SimRig
+
+OPEN = Track(name="open", start=Start(position=(0.0, 0.0, 0.0)), waypoints=((1.0, 0.0, 1.0),))
+GATED = Track(
+    name="gated",
+    start=Start(position=(0.0, 0.0, 0.0)),
+    gates=(Gate(id=1, position=(4.0, 0.0, 1.2), yaw_deg=0.0, markers=(1, 2, 3, 4)),),
+)
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def settings(*more):
+    return load_config(None, None, [f"link.connection=udpin://127.0.0.1:{free_port()}", *more])
+
+
+def pose(stamp):
+    return PoseSample(stamp, np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.zeros(3), 3)
+
+
+async def test_gates_need_a_camera():
+    with pytest.raises(BadInputError, match="'gated' has gates"):
+        Px4Rig(settings(), GATED, 0)
+
+
+async def test_poses_from_a_socket_and_no_frames(tmp_path):
+    path = tmp_path / "poses"
+    rig = Px4Rig(settings(f"sensors.pose_address={path}"), OPEN, 0)
+    assert isinstance(rig.tracker, SocketPoses)
+    assert path.is_socket()
+    assert rig.survey(OPEN) is OPEN
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(0.05):
+            async for _ in rig.camera.frames():
+                pass
+    await rig.autopilot.close()
+    await rig.close()
+    assert not path.exists()
+
+
+async def test_a_link_that_cannot_be_opened_leaves_no_socket_behind(tmp_path):
+    path = tmp_path / "poses"
+    config = load_config(None, None, ["link.connection=udpin://nowhere", f"sensors.pose_address={path}"])
+    with pytest.raises(BadInputError, match="nowhere"):
+        Px4Rig(config, OPEN, 0)
+    assert not path.exists()
+
+
+async def test_the_autopilots_own_position_is_never_fed_back_to_it(monkeypatch):
+    made = []
+
+    class Link(SelfPositionedLink):
+        def __init__(self, config):
+            made.append(self)
+            self.odometry = Topic("pose")
+
+        def _post(self, message):
+            raise AssertionError("something was sent")
+
+    monkeypatch.setattr(rigs, "SelfPositionedLink", Link)
+    rig = Px4Rig(settings("sensors.poses=autopilot"), OPEN, 0)
+    assert rig.autopilot is made[0]
+    asyncio.get_running_loop().call_soon(made[0].odometry.publish, pose(1.0))
+    got = await anext(rig.tracker.poses())
+    assert got.stamp == 1.0
+    rig.autopilot.send_pose(got)
+    await rig.close()
+
+
+async def test_topic_poses_skip_to_the_newest():
+    topic = Topic("pose")
+    poses = TopicPoses(topic).poses()
+    first = asyncio.ensure_future(anext(poses))
+    await asyncio.sleep(0)
+    for stamp in (1.0, 2.0, 3.0):
+        topic.publish(pose(stamp))
+    assert (await first).stamp == 3.0
+    topic.publish(pose(4.0))
+    assert (await anext(poses)).stamp == 4.0
+
+
+def test_faults_of_the_link_need_a_link():
+    async def main():
+        with pytest.raises(BadInputError, match="--mavlink"):
+            SimRig(load_config(None, None, ["sim.faults=[[1.0, 'silence', 1.0]]"]), OPEN, 0)
+
+    virtually(main())
+
+
+@pytest.mark.parametrize("connection", ["serial:///dev/ttyTHS1:921600", "udpin://10.0.0.3:14540"])
+async def test_the_simulated_vehicle_is_on_this_computer(connection):
+    with pytest.raises(BadInputError, match="on this computer"):
+        MavlinkRig(load_config(None, None, [f"link.connection={connection}"]), OPEN, 0)
