@@ -1,9 +1,11 @@
 """Leaving the ground and coming back to it, by the autopilot's own means."""
 
+import asyncio
 import math
 
 from flightapp.behaviors.base import Behavior, Context, Result
 from flightapp.channel import Reader
+from flightapp.interfaces import AutopilotError
 from flightapp.messages import AutopilotStatus, FlightMode, Outcome, Phase
 from flightapp.trajectory import hover
 
@@ -13,6 +15,8 @@ STEADY = 0.25
 """m/s, vertical speed of a hover."""
 STEADY_TIME = 0.7
 """s"""
+ARM_PATIENCE = 4.0
+"""s during which arming is tried again."""
 
 
 class Takeoff(Behavior):
@@ -38,7 +42,7 @@ class Takeoff(Behavior):
         ground = self.context.bus.state.latest or await self.context.bus.state.next()
         self.context.release_guard()
         await autopilot.takeoff(self._height)
-        await autopilot.arm()
+        await self._arm()
         machine.go(Phase.ARMED, self.context.now(), "takeoff asked for")
         machine.go(Phase.TAKEOFF, self.context.now(), f"to {self._height:g} m")
         left = await self._climb(status, float(ground.position[2]))
@@ -47,6 +51,17 @@ class Takeoff(Behavior):
         await self._take_command()
         machine.go(Phase.FLYING, self.context.now(), "height reached")
         return Result(Outcome.GOAL_ACHIEVED, f"hovering at {self._height:g} m")
+
+    async def _arm(self) -> None:
+        """Arm; the autopilot's checks may take a moment to notice that the position has become good."""
+        give_up = self.context.now() + ARM_PATIENCE
+        while True:
+            try:
+                return await self.context.autopilot.arm()
+            except AutopilotError:
+                if self.context.now() > give_up:
+                    raise
+            await asyncio.sleep(0.5)
 
     async def _climb(self, status: Reader[AutopilotStatus], ground: float) -> str | None:
         """Wait until the climb is over; what broke it off, or None.

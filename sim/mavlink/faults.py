@@ -35,7 +35,7 @@ class Faults:
         """Measured and estimated numbers are NaN."""
         self.setpoints_ignored = self.vision_ignored = False
         self.acknowledged_early = False
-        """Mode commands are accepted before the vehicle answers, as some versions of PX4 do (its issue 27343)."""
+        """Mode commands are accepted before the vehicle answers, as PX4 did until its pull request 27343."""
         self.missing: frozenset[str] = frozenset()
         """Parameters that this vehicle doesn't know."""
         self._kinds: dict[str, Callable[[Value], Callable[[], object]]] = {

@@ -51,10 +51,10 @@ class Client:
     def named(self, name):
         return [message for message in self.received if message.get_type() == name]
 
-    async def wait(self, name, which=lambda message: True, timeout=2.0):
+    async def wait(self, name, which=lambda message: True, patience=2.0):
         """The next message ``name``, from now on, that is ``which``."""
         seen = len(self.received)
-        async with asyncio.timeout(timeout):
+        async with asyncio.timeout(patience):
             while True:
                 for message in self.received[seen:]:
                     if message.get_type() == name and which(message):
@@ -74,7 +74,7 @@ class Client:
     async def nothing(self, name, during=0.25):
         """Whether no message ``name`` comes."""
         try:
-            await self.wait(name, timeout=during)
+            await self.wait(name, patience=during)
         except TimeoutError:
             return True
         return False
@@ -147,9 +147,16 @@ class Rig:
             0, frame, child, x, -y, -z, q, 0, 0, 0, 0, 0, 0, NAN21, NAN21, resets, estimator, 50
         )
 
-    async def position(self, timeout=4.0):
-        """Wait until the vehicle has a local position that counts."""
+    async def position(self, patience=4.0):
+        """Feed vision until the vehicle has a local position that counts."""
         self.feed_vision()
-        async with asyncio.timeout(timeout):
-            while not self.px4.ready:
-                await asyncio.sleep(0.02)
+        await until(lambda: self.px4.ready, patience)
+
+
+async def until(condition, patience):
+    """Wait until ``condition()``; raises `TimeoutError`."""
+    for _ in range(round(patience / 0.02)):
+        if condition():
+            return
+        await asyncio.sleep(0.02)
+    raise TimeoutError

@@ -7,7 +7,7 @@ import socket
 
 import mavsdk.logging
 import pytest
-from mavlink_cases import Rig
+from mavlink_cases import Rig, until
 from mavsdk.asyncio import Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.info import InfoAsync
@@ -42,10 +42,10 @@ async def flown():
             await asyncio.to_thread(library.destroy)
 
 
-async def until(condition, timeout):
-    async with asyncio.timeout(timeout):
-        while not condition():
-            await asyncio.sleep(0.02)
+async def listen(stream, told):
+    """Append to ``told`` what ``stream`` brings."""
+    async for item in stream:
+        told += [item]
 
 
 async def test_mavsdk_finds_reads_and_sets_up_the_vehicle():
@@ -70,30 +70,9 @@ async def test_mavsdk_finds_reads_and_sets_up_the_vehicle():
         assert (times[-1] - times[0]) / 29 == pytest.approx(1e4, rel=0.15)
 
 
-async def test_mavsdk_sees_a_local_position_but_indoors_never_armable():
+async def test_health_refused_arming_and_offboard_by_direct_messages():
     async with flown() as (rig, system):
-        told = []
-
-        async def listen():
-            async for health in TelemetryAsync(system).subscribe_health():
-                told.append((health.is_local_position_ok, health.is_armable, health.is_global_position_ok))
-
-        listening = asyncio.create_task(listen())
-        await until(lambda: len(told) >= 2, 4.0)
-        assert set(told) == {(False, False, False)}
-        rig.feed_inside()
-        await until(lambda: told[-1][0], 4.0)
-        assert told[-1] == (True, False, False)
-        listening.cancel()
-
-
-async def test_refused_arming_is_explained_and_offboard_flies_by_direct_messages():
-    async with flown() as (rig, system):
-        texts = []
-
-        async def listen():
-            async for text in TelemetryAsync(system).subscribe_status_text():
-                texts.append(text.text)
+        texts, healths = [], []
 
         async def stream():
             direct = MavlinkDirectAsync(system)
@@ -104,12 +83,20 @@ async def test_refused_arming_is_explained_and_offboard_flies_by_direct_messages
                 await direct.send_message(message)
                 await asyncio.sleep(0.02)
 
-        action, tasks = ActionAsync(system), [asyncio.create_task(listen())]
+        action, tasks = (
+            ActionAsync(system),
+            [asyncio.create_task(listen(TelemetryAsync(system).subscribe_status_text(), texts))],
+        )
+        tasks.append(asyncio.create_task(listen(TelemetryAsync(system).subscribe_health(), healths)))
         with pytest.raises(ActionError, match="DENIED"):
             await action.arm()
-        await until(lambda: any("Arming denied" in text for text in texts), 1.0)
+        await until(lambda: any("Arming denied" in text.text for text in texts), 1.0)
+        await until(lambda: healths, 2.0)
+        assert not healths[-1].is_local_position_ok
         rig.feed_inside()
-        await until(lambda: rig.px4.ready, 4.0)
+        await until(lambda: rig.px4.ready and healths[-1].is_local_position_ok, 4.0)
+        assert not healths[-1].is_global_position_ok
+        assert not healths[-1].is_armable  # the mode that it boots in needs a global position
         tasks.append(asyncio.create_task(stream()))
         await until(lambda: rig.endpoint.watch.statistics().count > 5, 2.0)
         assert rig.px4.set_mode(NavState.OFFBOARD).accepted

@@ -20,8 +20,8 @@ def from_int(value):
     return struct.unpack("<f", struct.pack("<i", value))[0]
 
 
-async def read(client, name, timeout=1.0):
-    answer = asyncio.ensure_future(client.wait("PARAM_VALUE", lambda m: m.param_id == name, timeout))
+async def read(client, name, patience=1.0):
+    answer = asyncio.ensure_future(client.wait("PARAM_VALUE", lambda m: m.param_id == name, patience))
     await asyncio.sleep(0)
     client.send(dialect.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
     return await answer
