@@ -30,7 +30,7 @@ from flightapp.perception.camera import CameraModel
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
-from flightapp.realtime import RealtimeReport, RealtimeSession, describe, undisturbed
+from flightapp.realtime import RealtimeSession, describe, undisturbed
 from flightapp.recording.applog import AppLog
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
@@ -102,7 +102,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
                 flight = _wire(mission, config, rig, recorder, app_log, ticker, watch)
                 begin, wall = tasks.now(), time.perf_counter()
                 with undisturbed(), session if plan.realtime else nullcontext():
-                    ending = await flight.run(session.report)
+                    ending = await flight.run(session)
                 entries = {"outcome": ending.outcome.value, "reason": ending.reason, "sender": flight.report()}
         finally:
             recorder.close(**entries)
@@ -120,7 +120,7 @@ def _ticker(config: Config, realtime: bool) -> Ticker:
 class _Flight:
     """Everything connected, ready to fly."""
 
-    run: Callable[[RealtimeReport], Awaitable[Ending]]
+    run: Callable[[RealtimeSession], Awaitable[Ending]]
     report: Callable[[], str]
     """How the sender did, for the log's header."""
 
@@ -148,7 +148,7 @@ def _wire(
     if watch is not None:
         watch(bus, rig)
 
-    async def run(granted: RealtimeReport) -> Ending:
+    async def run(session: RealtimeSession) -> Ending:
         work: dict[str, Coroutine[Any, Any, None]] = {
             "camera": tasks.camera(rig, bus),
             "detection": tasks.detection(rig, bus, modules, config, known),
@@ -159,8 +159,8 @@ def _wire(
             "health": tasks.health(rig, bus, config, line),
         }
         if isinstance(ticker, KernelTicker):
-            work["load"] = tasks.load(bus)
-            bus.event.publish(Event(tasks.now(), "realtime", describe(granted)))
+            work["load"] = tasks.load(bus, session)
+            bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
         try:
             return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
         finally:

@@ -179,7 +179,7 @@ class Mission(Section):
     """Heights, patience and geofence of a mission."""
 
     takeoff_height: Finite = Field(1.5, ge=0.3, le=20.0, description="m above the ground")
-    takeoff_timeout: Finite = Field(20.0, gt=1.0, le=120.0, description="s")
+    takeoff_timeout: Finite = Field(40.0, gt=1.0, le=120.0, description="s, the autopilot getting ready included")
     land_timeout: Finite = Field(30.0, gt=1.0, le=300.0, description="s")
     laps: int = Field(1, ge=1, le=1000, description="laps to fly")
 
@@ -248,6 +248,7 @@ class Realtime(Section):
     """What is asked of the operating system for a flight on the wall clock."""
 
     priority: int = Field(50, ge=0, le=98, description="SCHED_FIFO of the event loop; 0 leaves the scheduler alone")
+    worker_priority: int = Field(10, ge=0, le=98, description="SCHED_FIFO of worker threads, below the loop's; 0: none")
     lock_memory: bool = Field(True, description="keep all memory resident (mlockall)")
     cpus: tuple[int, ...] = Field((), description="CPUs for the process; none leaves them alone")
 

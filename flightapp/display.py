@@ -1,6 +1,7 @@
 """What a person sees while it flies."""
 
-import time
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -12,51 +13,76 @@ from rich.status import Status
 from flightapp.app import Watch
 from flightapp.bus import Bus
 from flightapp.interfaces import Rig
-from flightapp.messages import Event, VehicleState
+from flightapp.messages import Event
 
 REFRESH = 0.1
-"""s on the wall between updates of the line."""
+"""s on the wall between updates."""
 
 
-class _Line:
-    """One line that follows the flight, and the events above it."""
+class _Screen:
+    """One line that follows the flight, and the events above it.
+
+    Written by a thread of its own: a terminal that is slow, or stopped, must not hold the flight up.
+    """
 
     def __init__(self, console: Console, status: Status) -> None:
         self._console = console
         self._status = status
-        self._drawn = 0.0
         self._bus: Bus | None = None
+        self._events: deque[Event] = deque()
+        self._began: float | None = None
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="display", daemon=True)
+        self._thread.start()
 
-    def watch(self, bus: Bus, rig: Rig) -> None:
+    def watch(self, bus: Bus, _: Rig) -> None:
         """Follow ``bus``."""
         self._bus = bus
-        bus.state.tap(self._on_state)
-        bus.event.tap(self._on_event)
+        bus.event.tap(self._events.append)
 
-    def _on_state(self, state: VehicleState) -> None:
-        wall = time.monotonic()
-        if wall - self._drawn < REFRESH or self._bus is None:
+    def close(self) -> None:
+        """Write what is left."""
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(REFRESH):
+            self._write()
+        self._write()
+
+    def _write(self) -> None:
+        while self._events:
+            event = self._events.popleft()
+            style = "red" if event.kind == "fault" else None
+            text = f"{self._since_begin(event.stamp):8.2f} s  {event.text}"
+            self._console.print(text, style=style, highlight=False, markup=False)
+        bus = self._bus
+        if bus is None or (state := bus.state.latest) is None:
             return
-        self._drawn = wall
         x, y, z = state.position
         speed = float(np.linalg.norm(state.velocity))
-        goal = self._bus.goal.latest
+        goal = bus.goal.latest
         gates = f"  gates {goal.passed}/{len(goal.gate_ids)}" if goal is not None and goal.gate_ids else ""
         self._status.update(
-            f"{state.stamp:6.1f} s  {self._bus.phase.latest or '':8}  at ({x:6.2f} {y:6.2f} {z:5.2f}) m"
+            f"{self._since_begin(state.stamp):6.1f} s  {bus.phase.latest or '':8}  at ({x:6.2f} {y:6.2f} {z:5.2f}) m"
             f"  {speed:4.1f} m/s{gates}"
         )
 
-    def _on_event(self, event: Event) -> None:
-        style = "red" if event.kind == "fault" else None
-        self._console.print(f"{event.stamp:8.2f} s  {event.text}", style=style, highlight=False, markup=False)
+    def _since_begin(self, stamp: float) -> float:
+        if self._began is None:
+            self._began = stamp
+        return stamp - self._began
 
 
 @contextmanager
 def progress(console: Console) -> Iterator[Watch]:
     """A live line and the events of one flight."""
     with console.status("starting") as status:
-        yield _Line(console, status).watch
+        screen = _Screen(console, status)
+        try:
+            yield screen.watch
+        finally:
+            screen.close()
 
 
 @contextmanager

@@ -14,7 +14,6 @@ from typing import Any
 
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
 from mavsdk.plugins.param import Param
-from mavsdk.plugins.telemetry import Telemetry
 from mavsdk.system import System
 
 from flightapp.autopilot import modes
@@ -41,9 +40,11 @@ KILL = 21196
 TIMESYNC_PERIOD = 0.5
 MODE_WAIT = 2.0
 """s from the acceptance of a mode to its being in force."""
+SETTLING = 1.0
+"""s that PX4's estimator and its checks may take to follow a reset of external vision on the ground."""
 WARNING = 4
 """MAV_SEVERITY_WARNING."""
-SYS_STATUS, BATTERY_STATUS, AUTOPILOT_VERSION, EXTENDED_SYS_STATE = 1, 147, 148, 245
+SYS_STATUS, LOCAL_POSITION_NED, BATTERY_STATUS, AUTOPILOT_VERSION, EXTENDED_SYS_STATE = 1, 32, 147, 148, 245
 ODOMETRY, CURRENT_MODE = 331, 436
 """MAVLink message ids."""
 
@@ -94,7 +95,7 @@ class Px4Link:
         direct = MavlinkDirect(system)
         self._commander = Commander(direct, self._link.system_id)
         self._parameters = ParameterStore(Param(system))
-        self._receiver.listen(direct, Telemetry(system))
+        self._receiver.listen(direct)
         self._direct = direct
         self._start(self._keep_time())
         try:
@@ -128,6 +129,7 @@ class Px4Link:
         wanted = {
             CURRENT_MODE: 50.0,
             EXTENDED_SYS_STATE: 10.0,
+            LOCAL_POSITION_NED: 10.0,
             SYS_STATUS: 5.0,
             BATTERY_STATUS: 2.0,
             ODOMETRY: self._link.odometry_rate,
@@ -142,7 +144,9 @@ class Px4Link:
     # What the application asks for.
 
     async def takeoff(self, height: float) -> None:
-        """Select PX4's takeoff to ``height`` m above the ground; it begins when armed."""
+        """Select PX4's takeoff to ``height`` m above where the vehicle stands; it begins when armed."""
+        if self._vision.move_origin():
+            await asyncio.sleep(SETTLING)
         await self.parameters.write("MIS_TAKEOFF_ALT", float(height))
         nan = math.nan
         await self._command("takeoff", Command.NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, nan)
@@ -215,6 +219,8 @@ class Px4Link:
         if self._hover is not None and (learnt := self._hover.observe(sample)) is not None:
             self._thrust.learn(learnt)
         fields = self._vision.encode(sample, int(1e6 * (sample.stamp + self._origin)))
+        if self._vision.origin is not None:
+            self._receiver.origin = self._vision.origin
         if fields is not None:
             self._pose.fields_json = fields
             self._post(self._pose)

@@ -4,10 +4,10 @@ import asyncio
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
-from mavsdk.plugins.telemetry import Health, Telemetry
 
 from flightapp.autopilot.clock import ClockOffset
 from flightapp.autopilot.commands import AUTOPILOT, StatusText
@@ -44,6 +44,8 @@ class Receiver:
         """Stamp of each reboot that was noticed."""
         self.identities: Topic[Identity] = Topic("identities")
         self.clock = ClockOffset()
+        self.origin = np.zeros(3)
+        """(3,) m, of the autopilot's local frame in the application's; its odometry is told in the latter."""
         self.refused = 0
         """Messages whose content could not be used: not finite, other frames, other fields."""
         self._board = StatusBoard()
@@ -51,12 +53,13 @@ class Receiver:
         self._begun = (0, "")
         self._mailboxes: dict[str, Mailbox[str]] = {}
 
-    def listen(self, direct: MavlinkDirect, telemetry: Telemetry) -> None:
+    def listen(self, direct: MavlinkDirect) -> None:
         """Begin to receive."""
         handlers: Mapping[str, tuple[Callable[[float, Fields], None], int]] = {
             "HEARTBEAT": (lambda stamp, fields: self._publish(self._board.heartbeat(stamp, fields)), 1),
-            "CURRENT_MODE": (lambda _, fields: self._publish(self._board.current_mode(fields)), 1),
+            "CURRENT_MODE": (lambda stamp, fields: self._publish(self._board.current_mode(stamp, fields)), 1),
             "EXTENDED_SYS_STATE": (lambda _, fields: self._publish(self._board.landed(fields)), 1),
+            "LOCAL_POSITION_NED": (lambda stamp, _: self._publish(self._board.local_position(stamp)), 1),
             "BATTERY_STATUS": (lambda _, fields: self._publish(self._board.battery(fields)), 1),
             "ODOMETRY": (self._on_odometry, 1),
             "TIMESYNC": (self._on_timesync, 8),
@@ -66,12 +69,6 @@ class Receiver:
         for name, (handle, depth) in handlers.items():
             mailbox = self._mailboxes[name] = Mailbox[str](self._parsing(handle), depth)
             direct.subscribe_message(name, self._put_into(mailbox))
-        health = Mailbox[bool](lambda _, valid: self._publish(self._board.local_position(valid)))
-
-        def healthy(told: Health, _: object) -> None:
-            health.put(bool(told.is_local_position_ok))
-
-        telemetry.subscribe_health(healthy)
 
     def rates(self) -> dict[str, float]:
         """Messages per second lately, by name."""
@@ -111,7 +108,7 @@ class Receiver:
         if sample is None:
             self.refused += 1
         else:
-            self.odometry.publish(sample)
+            self.odometry.publish(replace(sample, position=sample.position + self.origin))
 
     def _on_timesync(self, stamp: float, fields: Fields) -> None:
         answered, asked = int(fields["tc1"]), int(fields["ts1"])

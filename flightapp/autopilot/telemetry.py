@@ -18,6 +18,8 @@ ARMED = 128
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 HEARD_PERIOD = 0.1
 """s, least time between two statuses that differ in their stamp only."""
+POSITION_KEPT = 1.0
+"""s that a local position counts: PX4 tells it only while it has one."""
 ON_GROUND = 1
 """MAV_LANDED_STATE_ON_GROUND."""
 POOR, GOOD = 1, 3
@@ -34,24 +36,30 @@ class StatusBoard:
 
     def __init__(self) -> None:
         self._status: AutopilotStatus | None = None
-        self._landed, self._ready = True, False
+        self._landed, self._positioned = True, -math.inf
+        self._mode_told = -math.inf
         self._voltage = self._battery = math.nan
 
     def heard(self, stamp: float) -> AutopilotStatus | None:
         """Any message came at ``stamp``."""
         if self._status is None or stamp - self._status.stamp < HEARD_PERIOD:
             return None
-        self._status = replace(self._status, stamp=stamp)
+        self._status = replace(self._status, stamp=stamp, ready=self._ready(stamp))
         return self._status
 
     def heartbeat(self, stamp: float, fields: Fields) -> AutopilotStatus | None:
         """HEARTBEAT: mode and arming state."""
         mode, armed = flight_mode(int(fields["custom_mode"])), bool(int(fields["base_mode"]) & ARMED)
-        self._status = AutopilotStatus(stamp, mode, armed, self._landed, self._ready, self._voltage, self._battery)
+        self._mode_told = stamp
+        ready = self._ready(stamp)
+        self._status = AutopilotStatus(stamp, mode, armed, self._landed, ready, self._voltage, self._battery)
         return self._status
 
-    def current_mode(self, fields: Fields) -> AutopilotStatus | None:
-        """CURRENT_MODE, which comes sooner than the next heartbeat."""
+    def current_mode(self, stamp: float, fields: Fields) -> AutopilotStatus | None:
+        """CURRENT_MODE, which PX4 sends when the mode changes; one that a newer HEARTBEAT overtook says nothing."""
+        if stamp < self._mode_told:
+            return None
+        self._mode_told = stamp
         return self._changed(mode=flight_mode(int(fields["custom_mode"])))
 
     def landed(self, fields: Fields) -> AutopilotStatus | None:
@@ -59,10 +67,13 @@ class StatusBoard:
         self._landed = int(fields["landed_state"]) in (0, ON_GROUND)
         return self._changed(landed=self._landed)
 
-    def local_position(self, valid: bool) -> AutopilotStatus | None:
-        """Whether it has a local position."""
-        self._ready = valid
-        return self._changed(ready=valid)
+    def local_position(self, stamp: float) -> AutopilotStatus | None:
+        """LOCAL_POSITION_NED came at ``stamp``: there is a position to fly by, for the next `POSITION_KEPT` s."""
+        self._positioned = stamp
+        return self._changed(ready=True)
+
+    def _ready(self, stamp: float) -> bool:
+        return stamp - self._positioned <= POSITION_KEPT
 
     def battery(self, fields: Fields) -> AutopilotStatus | None:
         """BATTERY_STATUS; unknown values become NaN."""

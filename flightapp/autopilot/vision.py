@@ -3,11 +3,16 @@
 PX4's local frame is NED; with no compass and no GPS its north is whatever external vision says it is. Here it is the x
 axis of the tracker's own frame: NED = (x, -y, -z), body FRD = (x, -y, -z) of body FLU. PX4 takes poses in frame NED as
 absolute headings on v1.16 and on main; in frame FRD main doesn't arm.
+
+The origin of PX4's local frame is put where the vehicle stands. Without a global position PX4's takeoff climbs over the
+origin of that frame, from wherever it begins, and to the takeoff height above it (navigator_main.cpp and takeoff.cpp
+of v1.16: an unset target reads as latitude, longitude and altitude 0).
 """
 
 import math
 
 from flightapp.config import ExternalVision
+from flightapp.frames import Vector
 from flightapp.messages import PoseSample
 
 NED, BODY_FRD, LOCAL_FRD = 1, 12, 20
@@ -16,6 +21,8 @@ VIO = 3
 """MAV_ESTIMATOR_TYPE_VIO."""
 POOR = 10.0
 """Standard deviations grow by this much where the tracker says that its confidence is low."""
+MOVED = 0.1
+"""m from the origin, less than which a takeoff may begin beside it."""
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 """Where the variances stand in the upper right triangle of a (6, 6) covariance, row by row."""
 
@@ -28,6 +35,8 @@ class VisionEncoder:
         self._period = 0.9 / config.rate
         self._last: PoseSample | None = None
         self._sent = -math.inf
+        self.origin: Vector | None = None
+        """(3,) m, where PX4's local frame has its origin in the tracker's; None before the first good pose."""
         self.resets = 0
         """Jumps of the tracker so far; PX4 is told by the reset counter and follows at once."""
         self.refused = 0
@@ -54,11 +63,26 @@ class VisionEncoder:
         if not _sound(sample):
             self.refused += 1
             return None
+        if self.origin is None:
+            self.origin = sample.position.copy()
         self._watch(sample)
         if sample.stamp - self._sent < self._period:
             return None
         self._sent = sample.stamp
         return self._position(sample, stamp) if self._config.message == "position" else self._odometry(sample, stamp)
+
+    def move_origin(self) -> bool:
+        """Put the origin where the last pose was; whether that moved it, which PX4 is then told as a reset."""
+        if self.origin is None or self._last is None or math.dist(self.origin, self._last.position) < MOVED:
+            return False
+        self.origin = self._last.position.copy()
+        self.resets += 1
+        return True
+
+    def _place(self, sample: PoseSample) -> tuple[float, float, float]:
+        """Where ``sample`` is from the origin, in the axes of the tracker's frame."""
+        x, y, z = (sample.position - (sample.position if self.origin is None else self.origin)).tolist()
+        return x, y, z
 
     def _watch(self, sample: PoseSample) -> None:
         """Count a reset where the tracker moved further than its speed explains."""
@@ -72,7 +96,7 @@ class VisionEncoder:
             self.resets += 1
 
     def _odometry(self, sample: PoseSample, stamp: int) -> str:
-        x, y, z = sample.position.tolist()
+        x, y, z = self._place(sample)
         qw, qx, qy, qz = _unit(sample.orientation.tolist())
         vx, vy, vz = _to_body(qw, qx, qy, qz, *sample.velocity.tolist())
         p, q, r = sample.angular_velocity.tolist()
@@ -88,7 +112,7 @@ class VisionEncoder:
         )
 
     def _position(self, sample: PoseSample, stamp: int) -> str:
-        x, y, z = sample.position.tolist()
+        x, y, z = self._place(sample)
         roll, pitch, yaw = _euler(*_unit(sample.orientation.tolist()))
         pose, _ = self._covariances[POOR if sample.confidence == 1 else 1.0]
         return (

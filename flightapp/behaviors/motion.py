@@ -52,7 +52,7 @@ class Follow(Behavior):
         end = self._waypoints[-1]
         before = line.latest
         refused = bus.plan.count
-        bus.goal.publish(Goal(end, self.context.limits, waypoints=self._waypoints[:-1], serial=new_serial()))
+        bus.goal.publish(Goal(end, self.context.limits, waypoints=self._waypoints, serial=new_serial()))
         state = Reader(bus.state)
         while True:
             latest = await state.newest()

@@ -9,13 +9,14 @@ from flightapp.interfaces import AutopilotError
 from flightapp.messages import AutopilotStatus, FlightMode, Outcome, Phase
 from flightapp.trajectory import hover
 
-NEAR = 0.3
-"""m from the takeoff height."""
+CLIMBED = 0.5
+"""Share of the takeoff height above which a hover is the climb's end. Where that is depends on the autopilot: PX4
+v1.16 counts the height from the origin of its local frame, and not from the ground."""
 STEADY = 0.25
 """m/s, vertical speed of a hover."""
 STEADY_TIME = 0.7
 """s"""
-ARM_PATIENCE = 4.0
+ARM_PATIENCE = 8.0
 """s during which arming is tried again."""
 
 
@@ -67,7 +68,7 @@ class Takeoff(Behavior):
         """Wait until the climb is over; what broke it off, or None.
 
         It is over when the autopilot holds, or, since PX4 can't hold without a global position and then stays in its
-        takeoff mode, when it hovers near the height.
+        takeoff mode, when it hovers well above the ground.
         """
         climbing, steady_since = False, math.inf
         while True:
@@ -80,11 +81,11 @@ class Takeoff(Behavior):
             if climbing and latest.mode is not FlightMode.TAKEOFF:
                 return f"its mode is {latest.mode}"
             state, now = self.context.bus.state.latest, self.context.now()
-            near = state is not None and abs(state.position[2] - ground - self._height) < NEAR
-            if state is None or not near or latest.landed or abs(state.velocity[2]) > STEADY:
+            up = state is not None and state.position[2] - ground > CLIMBED * self._height
+            if state is None or not up or latest.landed or abs(state.velocity[2]) > STEADY:
                 steady_since = math.inf
             steady_since = min(steady_since, now)
-            if near and now - steady_since > STEADY_TIME:
+            if up and now - steady_since > STEADY_TIME:
                 return None
 
     async def _take_command(self) -> None:

@@ -1,7 +1,8 @@
 """What the vehicle does in the modes that PX4 flies by itself.
 
 After src/modules/flight_mode_manager/tasks and the takeoff state machine of the position controller (PX4 v1.16):
-takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED, descending stays level and,
+takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, and without a global position over the origin of the local frame
+(takeoff.cpp and navigator_main.cpp: the place where it stands then reads as latitude, longitude and altitude 0); landing sinks at MPC_LAND_SPEED, descending stays level and,
 without a height, sinks with a fixed acceleration. A pilot's sticks are taken to be centred.
 """
 
@@ -21,6 +22,8 @@ SINK = 0.3
 """m/s², downwards, of a descent without a height."""
 REACHED = 0.15
 """m, below the takeoff height, where the climb counts as complete."""
+CRUISE = 5.0
+"""m/s, MPC_XY_CRUISE."""
 TICK = 0.01
 """s, period of the position controller."""
 
@@ -46,8 +49,8 @@ class Flight:
         self._known = parameters.version
         self._controller = PositionController(self._map())
         self.detector = LandDetector(float(parameters["MPC_THR_HOVER"]))
-        self.target = math.nan
-        """m, height that a takeoff climbs to."""
+        self.target = np.full(3, math.nan)
+        """(3,) m, where a takeoff leads to."""
 
     def _map(self) -> ThrustMap:
         return ThrustMap(float(self._parameters["MPC_THR_HOVER"]), self._curve)
@@ -57,26 +60,27 @@ class Flight:
         """m/s, upwards."""
         return self._controller.climb
 
-    def enter(self, mode: NavState, estimate: Estimate) -> None:
-        """Begin ``mode`` where the vehicle is."""
+    def enter(self, mode: NavState, estimate: Estimate, located: bool) -> None:
+        """Begin ``mode`` where the vehicle is; ``located`` where it has a global position."""
         if self._known != self._parameters.version:
             self._known = self._parameters.version
             self._controller.thrust = self._map()
         if mode is NavState.AUTO_TAKEOFF:
-            self.target = float(estimate.position[2]) + float(self._parameters["MIS_TAKEOFF_ALT"])
+            self.target = estimate.position.copy() if located else np.zeros(3)
+            self.target[2] += float(self._parameters["MIS_TAKEOFF_ALT"])
         moving = np.zeros(3) if self.detector.landed else estimate.velocity
         self._controller.reset(estimate.position, moving, float(quat_yaw(estimate.orientation)))
 
     def shift(self, estimate_move: np.ndarray, turned: float) -> None:
         """Stay where it is although the estimate was reset by (3,) m and ``turned`` rad."""
         self._controller.shift(estimate_move, turned)
-        self.target += float(estimate_move[2])
+        self.target += estimate_move
         if self.detector.ground is not None:
             self.detector.ground += float(estimate_move[2])
 
     def climbed(self, estimate: Estimate) -> bool:
         """Whether a takeoff is complete."""
-        return float(estimate.position[2]) > self.target - REACHED
+        return float(estimate.position[2]) > self.target[2] - REACHED
 
     def watch_ground(self, now: float, estimate: Estimate, throttle: float | None) -> None:
         """Let the land detector judge; ``throttle`` 0..1 where no vertical velocity is followed."""
@@ -94,7 +98,7 @@ class Flight:
             controller.reset(estimate.position, np.array((0.0, 0.0, sinking)), controller.yaw)
             return IDLE
         if mode in BY_POSITION:
-            controller.steer(self._climb(mode), TICK)
+            controller.steer(self._wanted(mode), TICK)
             return controller.command(estimate.position, estimate.velocity, estimate.orientation, TICK)
         if mode in LEVEL and estimate.altitude_valid:
             climb = -self._sink_speed if mode is NavState.DESCEND else 0.0
@@ -108,14 +112,21 @@ class Flight:
     def _sink_speed(self) -> float:
         return float(self._parameters["MPC_LAND_SPEED"])
 
-    def _climb(self, mode: NavState) -> float:
-        """Vertical velocity of the setpoint as ``mode`` asks; sideways it brakes."""
+    def _wanted(self, mode: NavState) -> tuple[float, float, float]:
+        """Velocity of the setpoint as ``mode`` asks; sideways it brakes but for a takeoff from beside its target."""
         if mode is NavState.AUTO_LAND:
-            return -self._sink_speed
-        if mode is NavState.AUTO_TAKEOFF:
-            left = max(self.target - self._controller.height, 0.0)
-            return min(float(self._parameters["MPC_TKO_SPEED"]), math.sqrt(ACCELERATION * left), left / TICK)
-        return 0.0
+            return 0.0, 0.0, -self._sink_speed
+        if mode is not NavState.AUTO_TAKEOFF:
+            return 0.0, 0.0, 0.0
+        x, y, up = (self.target - self._controller.position).tolist()
+        away = math.hypot(x, y)
+        share = _approach(away, CRUISE) / away if away > 0.0 else 0.0
+        return share * x, share * y, _approach(max(up, 0.0), float(self._parameters["MPC_TKO_SPEED"]))
+
+
+def _approach(left: float, fastest: float) -> float:
+    """Speed at which to go the ``left`` m, so that it ends there."""
+    return min(fastest, math.sqrt(ACCELERATION * left), left / TICK)
 
 
 def attitude_rates(wanted: np.ndarray, estimate: Estimate) -> tuple[float, float, float]:

@@ -106,9 +106,9 @@ class PositionController:
         self.yaw = 0.0
 
     @property
-    def height(self) -> float:
-        """Setpoint's height, m."""
-        return float(self._setpoint[2])
+    def position(self) -> Vector:
+        """Setpoint's position (3,), m."""
+        return self._setpoint[:3]
 
     @property
     def climb(self) -> float:
@@ -125,10 +125,10 @@ class PositionController:
         self._setpoint[:3] += move
         self.yaw += turned
 
-    def steer(self, climb: float, dt: float) -> None:
-        """Bring the setpoint's velocity to ``climb`` m/s upwards, acceleration bounded, and move it on by ``dt``."""
+    def steer(self, wanted: tuple[float, float, float], dt: float) -> None:
+        """Bring the setpoint's velocity to ``wanted`` m/s, acceleration bounded, and move it on by ``dt``."""
         velocity = self._setpoint[3:].tolist()
-        change = (-velocity[0], -velocity[1], climb - velocity[2])
+        change = (wanted[0] - velocity[0], wanted[1] - velocity[1], wanted[2] - velocity[2])
         size = math.hypot(*change)
         share = min(ACCELERATION * dt / size, 1.0) if size > 0.0 else 0.0
         for i in range(3):

@@ -76,11 +76,11 @@ async def test_poses_go_out_at_their_rate():
         for _ in range(100):
             stamp = asyncio.get_running_loop().time()
             level = np.array((1.0, 0.0, 0.0, 0.0))
-            link.send_pose(PoseSample(stamp, np.array((1.0, 2.0, 3.0)), level, np.zeros(3), np.zeros(3), 3))
+            position = np.array((1.0, 2.0, 3.0)) if peer.count("ODOMETRY") == 0 else np.array((1.25, 2.0, 3.0))
+            link.send_pose(PoseSample(stamp, position, level, np.zeros(3), np.zeros(3), 3))
             await asyncio.sleep(0.005)
-        await until(lambda: peer.count("ODOMETRY"))
         seen = peer.last("ODOMETRY")
-        assert (seen.x, seen.y, seen.z) == (1.0, -2.0, -3.0)
+        assert (seen.x, seen.y, seen.z) == (0.25, 0.0, 0.0)  # from where the vehicle stood
         assert 20 <= peer.count("ODOMETRY") <= 34
 
 

@@ -41,8 +41,8 @@ def test_every_custom_mode_is_some_mode(wire):
 
 def test_nothing_is_said_before_the_first_heartbeat():
     board = StatusBoard()
-    assert board.current_mode({"custom_mode": custom(6)}) is None
-    assert board.local_position(True) is None
+    assert board.current_mode(1.5, {"custom_mode": custom(6)}) is None
+    assert board.local_position(0.9) is None
     status = board.heartbeat(1.0, {"custom_mode": custom(4, 2), "base_mode": 129})
     assert (status.stamp, status.mode, status.armed, status.ready) == (1.0, FlightMode.TAKEOFF, True, True)
 
@@ -50,9 +50,26 @@ def test_nothing_is_said_before_the_first_heartbeat():
 def test_a_mode_change_is_told_at_once_but_makes_the_status_no_younger():
     board = StatusBoard()
     board.heartbeat(1.0, {"custom_mode": custom(6), "base_mode": 129})
-    status = board.current_mode({"custom_mode": custom(3)})
+    status = board.current_mode(1.5, {"custom_mode": custom(3)})
     assert (status.stamp, status.mode) == (1.0, FlightMode.POSITION)
-    assert board.current_mode({"custom_mode": custom(3)}) is None
+    assert board.current_mode(1.5, {"custom_mode": custom(3)}) is None
+
+
+def test_a_mode_that_a_newer_heartbeat_overtook_says_nothing():
+    board = StatusBoard()
+    board.heartbeat(1.0, {"custom_mode": custom(3), "base_mode": 129})
+    assert board.current_mode(0.99, {"custom_mode": custom(6)}) is None
+    assert board.heard(2.0).mode is FlightMode.POSITION
+
+
+def test_a_local_position_counts_only_while_it_is_told():
+    board = StatusBoard()
+    assert not board.heartbeat(1.0, {"custom_mode": 0, "base_mode": 1}).ready
+    assert board.local_position(1.1).ready
+    assert board.heard(2.0).ready
+    assert not board.heard(2.2).ready
+    assert not board.heartbeat(3.0, {"custom_mode": 0, "base_mode": 1}).ready
+    assert board.local_position(3.1).ready
 
 
 def test_any_message_keeps_the_status_young():

@@ -26,7 +26,9 @@ def encoder(**settings):
 @given(st.tuples(*[st.floats(-50.0, 50.0)] * 3), st.floats(-3.1, 3.1), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 def test_what_is_sent_as_odometry_reads_back_as_it_was(position, yaw, velocity):
     pose = sample(position=position, yaw=yaw, velocity=velocity)
-    fields = json.loads(encoder().encode(pose, 123))
+    vision = encoder()
+    vision.origin = np.zeros(3)
+    fields = json.loads(vision.encode(pose, 123))
     assert (fields["frame_id"], fields["child_frame_id"], fields["time_usec"]) == (1, 12, 123)
     assert math.hypot(*fields["q"]) == pytest.approx(1.0, abs=1e-7)
     back = odometry(pose.stamp, fields)
@@ -36,12 +38,28 @@ def test_what_is_sent_as_odometry_reads_back_as_it_was(position, yaw, velocity):
     assert abs(back.orientation @ pose.orientation) == pytest.approx(1.0, abs=1e-9)
 
 
+def test_the_origin_is_where_the_vehicle_stands_and_moves_with_a_reset_that_is_told():
+    vision = encoder()
+    assert not vision.move_origin()
+    first = json.loads(vision.encode(sample(stamp=0.0), 0))
+    assert (first["x"], first["y"], first["z"], first["reset_counter"]) == (0.0, 0.0, 0.0, 0)
+    later = json.loads(vision.encode(sample(stamp=1.0, position=(1.5, 1.8, 3.3)), 0))
+    assert (later["x"], later["y"], later["z"]) == pytest.approx((0.5, 0.2, -0.3))
+    resets = vision.resets
+    assert vision.move_origin()
+    assert not vision.move_origin()
+    moved = json.loads(vision.encode(sample(stamp=2.0, position=(1.5, 1.8, 3.4)), 0))
+    assert (moved["x"], moved["y"], moved["z"]) == pytest.approx((0.0, 0.0, -0.1))
+    assert moved["reset_counter"] == resets + 1
+
+
 def test_the_frame_follows_the_configured_message():
     assert json.loads(encoder(message="odometry_frd").encode(sample(), 0))["frame_id"] == 20
 
 
 def test_position_estimates_carry_ned_angles():
     vision = encoder(message="position")
+    vision.origin = np.zeros(3)
     assert vision.name == "VISION_POSITION_ESTIMATE"
     fields = json.loads(vision.encode(sample(), 5))
     assert (fields["x"], fields["y"], fields["z"], fields["usec"]) == (1.0, -2.0, -3.0, 5)

@@ -151,6 +151,16 @@ def test_a_takeoff_climbs_to_its_height_and_stays_in_its_mode():
     )
 
 
+def test_without_a_global_position_a_takeoff_leads_over_the_local_origin():
+    bench = Px4Bench(MIS_TAKEOFF_ALT=1.4)
+    bench.offset[:] = (2.0, -1.0, 0.3)  # where the vehicle stands in the tracker's frame
+    bench.prepared()
+    assert bench.px4.takeoff().accepted
+    assert bench.px4.arm().accepted
+    bench.run(12.0)
+    np.testing.assert_allclose(bench.plant.position + bench.offset, (0.0, 0.0, 1.4), atol=0.1)
+
+
 def test_with_a_global_origin_a_takeoff_ends_in_hold():
     bench = Px4Bench().prepared()
     bench.px4.set_global_origin()
