@@ -4,9 +4,8 @@ import asyncio
 import math
 from collections.abc import Callable
 
-from flightapp.autopilot.link import SETTLING
 from flightapp.autopilot.thrust import ThrustMap
-from flightapp.autopilot.vision import MOVED
+from flightapp.autopilot.vision import MOVED, SETTLING
 from flightapp.channel import Topic
 from flightapp.config import Config
 from flightapp.frames import Vector

@@ -25,7 +25,7 @@ from flightapp.autopilot.parameter_store import ParameterStore
 from flightapp.autopilot.receiver import Receiver, TimeRequest
 from flightapp.autopilot.telemetry import Identity
 from flightapp.autopilot.thrust import ThrustMap
-from flightapp.autopilot.vision import VisionEncoder
+from flightapp.autopilot.vision import SETTLING, VisionEncoder
 from flightapp.channel import Reader, Topic
 from flightapp.config import Config
 from flightapp.interfaces import AutopilotError
@@ -40,8 +40,6 @@ KILL = 21196
 TIMESYNC_PERIOD = 0.5
 MODE_WAIT = 2.0
 """s from the acceptance of a mode to its being in force."""
-SETTLING = 1.0
-"""s that PX4's estimator and its checks may take to follow a reset of external vision on the ground."""
 WARNING = 4
 """MAV_SEVERITY_WARNING."""
 SYS_STATUS, LOCAL_POSITION_NED, BATTERY_STATUS, AUTOPILOT_VERSION, EXTENDED_SYS_STATE = 1, 32, 147, 148, 245

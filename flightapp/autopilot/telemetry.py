@@ -20,6 +20,8 @@ HEARD_PERIOD = 0.1
 """s, least time between two statuses that differ in their stamp only."""
 POSITION_KEPT = 1.0
 """s that a local position counts: PX4 tells it only while it has one."""
+PROBATION = 1.2
+"""s that it must have been there: PX4 trusts it only after 1 s (checkPosVelValidity in estimatorCheck.cpp)."""
 ON_GROUND = 1
 """MAV_LANDED_STATE_ON_GROUND."""
 POOR, GOOD = 1, 3
@@ -36,7 +38,8 @@ class StatusBoard:
 
     def __init__(self) -> None:
         self._status: AutopilotStatus | None = None
-        self._landed, self._positioned = True, -math.inf
+        self._landed = True
+        self._positioned = self._positioned_since = -math.inf
         self._mode_told = -math.inf
         self._voltage = self._battery = math.nan
 
@@ -68,12 +71,14 @@ class StatusBoard:
         return self._changed(landed=self._landed)
 
     def local_position(self, stamp: float) -> AutopilotStatus | None:
-        """LOCAL_POSITION_NED came at ``stamp``: there is a position to fly by, for the next `POSITION_KEPT` s."""
+        """LOCAL_POSITION_NED came at ``stamp``: there is a position to fly by."""
+        if stamp - self._positioned > POSITION_KEPT:
+            self._positioned_since = stamp
         self._positioned = stamp
-        return self._changed(ready=True)
+        return self._changed(ready=self._ready(stamp))
 
     def _ready(self, stamp: float) -> bool:
-        return stamp - self._positioned <= POSITION_KEPT
+        return stamp - self._positioned <= POSITION_KEPT and stamp - self._positioned_since >= PROBATION
 
     def battery(self, fields: Fields) -> AutopilotStatus | None:
         """BATTERY_STATUS; unknown values become NaN."""

@@ -23,6 +23,8 @@ POOR = 10.0
 """Standard deviations grow by this much where the tracker says that its confidence is low."""
 MOVED = 0.1
 """m from the origin, less than which a takeoff may begin beside it."""
+SETTLING = 1.0
+"""s that PX4's estimator and its checks may take to follow a reset of external vision on the ground."""
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 """Where the variances stand in the upper right triangle of a (6, 6) covariance, row by row."""
 

@@ -93,20 +93,31 @@ class Supervisor:
             await asyncio.gather(flying, fault, return_exceptions=True)
 
     async def _abort(self, cause: str) -> None:
-        """Have the autopilot land, unless a pilot has taken over."""
+        """Have the autopilot land, or leave it to whoever has taken over; end with the flight, not before."""
         context = self._context
         context.machine.go(Phase.ABORTED, context.now(), cause)
         context.line.clear()
-        if self._guard.taken_over:
-            return
+        patience = context.config.mission.land_timeout
         try:
-            async with asyncio.timeout(context.config.mission.land_timeout):
-                await self._land(context.autopilot)
+            async with asyncio.timeout(patience):
+                if not self._guard.taken_over:
+                    await self._land(context.autopilot)
+                elif not _down(context.autopilot.status.latest):
+                    self._event("the vehicle was taken over: nothing is asked of the autopilot until it has disarmed")
+                await self._wait_for_the_end(context.autopilot)
+        except TimeoutError:
+            self._event(f"landing not confirmed: not disarmed within {patience:g} s")
         except Exception as error:  # the autopilot's own failsafe is what is left
             self._event(f"landing not confirmed: {type(error).__name__}: {error}")
 
+    async def _wait_for_the_end(self, autopilot: Autopilot) -> None:
+        """Until the motors are off; the flight is recorded meanwhile."""
+        status = Reader(autopilot.status)
+        while not _down(autopilot.status.latest):
+            await status.newest()
+
     async def _land(self, autopilot: Autopilot) -> None:
-        """Ask for the landing, again while nobody answers, and wait until the motors are off or a pilot flies."""
+        """Ask for the landing, again while nobody answers, until the motors are off or a pilot flies."""
         status, asked = Reader(autopilot.status), False
         while not _down(latest := autopilot.status.latest):
             if latest is not None and latest.mode in PILOTED:

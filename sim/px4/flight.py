@@ -1,9 +1,10 @@
 """What the vehicle does in the modes that PX4 flies by itself.
 
 After src/modules/flight_mode_manager/tasks and the takeoff state machine of the position controller (PX4 v1.16):
-takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, and without a global position over the origin of the local frame
-(takeoff.cpp and navigator_main.cpp: the place where it stands then reads as latitude, longitude and altitude 0); landing sinks at MPC_LAND_SPEED, descending stays level and,
-without a height, sinks with a fixed acceleration. A pilot's sticks are taken to be centred.
+takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED, descending stays level and,
+without a height, sinks with a fixed acceleration. A pilot's sticks are taken to be centred. Without a global position
+a takeoff leads over the origin of the local frame, since the place where the vehicle stands then reads as latitude,
+longitude and altitude 0 (takeoff.cpp and navigator_main.cpp).
 """
 
 import math
@@ -80,7 +81,7 @@ class Flight:
 
     def climbed(self, estimate: Estimate) -> bool:
         """Whether a takeoff is complete."""
-        return float(estimate.position[2]) > self.target[2] - REACHED
+        return bool(estimate.position[2] > self.target[2] - REACHED)
 
     def watch_ground(self, now: float, estimate: Estimate, throttle: float | None) -> None:
         """Let the land detector judge; ``throttle`` 0..1 where no vertical velocity is followed."""

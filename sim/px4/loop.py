@@ -169,6 +169,7 @@ class Loop:
         self.plant.drop_pending()
         self._tick = now
         mode = self.commander.nav_state
+        self.flight.shift(*self.ekf.take_move())
         self.flight.enter(mode, self.ekf.estimate(now), self.commander.origin)
         if mode is NavState.AUTO_TAKEOFF:
             height = float(self.parameters["MIS_TAKEOFF_ALT"])

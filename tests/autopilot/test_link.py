@@ -166,6 +166,32 @@ async def test_time_is_asked_for_and_told_only_when_configured():
             assert bool(told) is answers
 
 
+async def test_a_takeoff_begins_at_the_origin_of_the_autopilots_frame_wherever_the_vehicle_stands():
+    async with linked() as (link, peer):
+        level, zeros = np.array((1.0, 0.0, 0.0, 0.0)), [0.0] * 21
+
+        async def stand_at(*position):
+            before = peer.count("ODOMETRY")
+            stamp = asyncio.get_running_loop().time()
+            link.send_pose(PoseSample(stamp, np.array(position), level, np.zeros(3), np.zeros(3), 3))
+            await until(lambda: peer.count("ODOMETRY") > before)
+            seen = peer.last("ODOMETRY")
+            return (seen.x, seen.y, seen.z), seen.reset_counter
+
+        assert await stand_at(1.0, 2.0, 0.5) == ((0.0, 0.0, 0.0), 0)
+        await link.takeoff(1.5)
+        await asyncio.sleep(0.05)
+        (place, resets) = await stand_at(5.0, 2.0, 0.5)
+        assert place == (4.0, 0.0, 0.0)
+        await link.takeoff(1.5)
+        assert await stand_at(5.0, 2.0, 0.5) == ((0.0, 0.0, 0.0), resets + 1)
+        peer.send(
+            px4.mavlink.MAVLink_odometry_message(1, 1, 1, 1.0, 0, -1.5, [1, 0, 0, 0], 0, 0, 0, 0, 0, 0, zeros, zeros)
+        )
+        await until(lambda: link.odometry.latest is not None)
+        assert link.odometry.latest.position.tolist() == [6.0, 2.0, 2.0]
+
+
 async def test_telemetry_that_is_not_a_number_is_refused():
     async with linked() as (link, peer):
         nan = math.nan

@@ -5,10 +5,12 @@ the link judges it by when setpoints arrive.
 """
 
 import os
+import queue
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -19,6 +21,8 @@ import pytest
 SENDER = Path(__file__).with_name("stalling_sender.py")
 END = 0.3
 """s within which the stream must have ended."""
+PATIENCE = 30.0
+"""s until the sender must have said what it has to say."""
 
 
 class Vehicle(px4.Peer):
@@ -36,10 +40,9 @@ class Vehicle(px4.Peer):
         if self._fails_safe and self.arrivals and time.monotonic() > self.arrivals[-1] + self.LOSS:
             self.landing_at = self.landing_at or time.monotonic()
             self.mode = px4.LAND
-        super().heartbeat()
         self.heartbeats.append(time.monotonic())
+        super().heartbeat()
         self.send(px4.mavlink.MAVLink_extended_sys_state_message(0, 2))
-        self.send(px4.mavlink.MAVLink_current_mode_message(0, self.mode, self.mode))
 
     def _answer(self, message):
         if message.get_type() == "SET_ATTITUDE_TARGET":
@@ -62,6 +65,9 @@ class Sender:
         self.vehicle = Vehicle(port, fails_safe)
         command = [sys.executable, str(SENDER), str(port), how]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._lines = queue.Queue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
         try:
             self.expect("flying")
             time.sleep(0.5)
@@ -76,12 +82,17 @@ class Sender:
     def __exit__(self, *_):
         self.process.kill()
         self.process.wait()
+        self._reader.join()
         self.process.stdout.close()
         self.vehicle.close()
 
+    def _read(self):
+        for line in self.process.stdout:
+            self._lines.put(line)
+
     def expect(self, word):
         """The words of the next line, which must begin with ``word``."""
-        words = self.process.stdout.readline().split()
+        words = self._lines.get(timeout=PATIENCE).split()
         assert words[:1] == [word], words
         return words[1:]
 
@@ -96,7 +107,7 @@ class Sender:
 def test_the_stream_ends_with_a_process_that_is_killed_or_stopped(number):
     with Sender("0") as sender:
         began = sender.signal(number)
-        time.sleep(1.5)
+        time.sleep(1.0)
         assert max(sender.vehicle.since(began), default=0.0) < END
         assert sender.vehicle.mode == px4.LAND
 
@@ -105,7 +116,7 @@ def test_the_stream_ends_with_the_thread_of_the_event_loop():
     with Sender("dies") as sender:
         sender.signal(signal.SIGUSR1)
         (died,) = map(float, sender.expect("died"))
-        time.sleep(1.5)
+        time.sleep(1.0)
         assert max(sender.vehicle.since(died), default=0.0) < END
         assert sender.vehicle.mode == px4.LAND
         assert sender.process.poll() is None, "the other threads live on"
@@ -125,7 +136,7 @@ def test_the_stream_ends_while_the_interpreter_is_held_and_the_landing_is_not_di
 def test_a_process_that_wakes_does_not_take_what_piled_up_meanwhile_for_news():
     with Sender("0") as sender:
         began = sender.signal(signal.SIGSTOP)
-        time.sleep(3.0)
+        time.sleep(2.0)
         sender.signal(signal.SIGCONT)
         time.sleep(1.0)
         assert max(sender.vehicle.since(began), default=0.0) < END
@@ -143,7 +154,7 @@ def test_after_a_short_stall_nothing_is_sent_before_the_vehicle_is_heard_anew():
         time.sleep(1.0)
         spoke = next(at for at in vehicle.heartbeats if at > ended)
         resumed = ended + min(vehicle.since(ended))
-        assert 0.0 < resumed - spoke < 0.1
+        assert 0.0 < resumed - spoke < 0.15
         assert len(vehicle.since(ended + 0.5)) > 100, "it flies on"
 
 

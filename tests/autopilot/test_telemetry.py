@@ -44,7 +44,7 @@ def test_nothing_is_said_before_the_first_heartbeat():
     assert board.current_mode(1.5, {"custom_mode": custom(6)}) is None
     assert board.local_position(0.9) is None
     status = board.heartbeat(1.0, {"custom_mode": custom(4, 2), "base_mode": 129})
-    assert (status.stamp, status.mode, status.armed, status.ready) == (1.0, FlightMode.TAKEOFF, True, True)
+    assert (status.stamp, status.mode, status.armed, status.ready) == (1.0, FlightMode.TAKEOFF, True, False)
 
 
 def test_a_mode_change_is_told_at_once_but_makes_the_status_no_younger():
@@ -62,14 +62,16 @@ def test_a_mode_that_a_newer_heartbeat_overtook_says_nothing():
     assert board.heard(2.0).mode is FlightMode.POSITION
 
 
-def test_a_local_position_counts_only_while_it_is_told():
+def test_a_local_position_counts_once_it_lasted_and_while_it_is_told():
     board = StatusBoard()
     assert not board.heartbeat(1.0, {"custom_mode": 0, "base_mode": 1}).ready
-    assert board.local_position(1.1).ready
-    assert board.heard(2.0).ready
-    assert not board.heard(2.2).ready
-    assert not board.heartbeat(3.0, {"custom_mode": 0, "base_mode": 1}).ready
-    assert board.local_position(3.1).ready
+    for tenth in range(11, 23):
+        assert board.local_position(0.1 * tenth) is None
+    assert board.local_position(2.4).ready
+    assert board.heard(3.3).ready
+    assert not board.heard(3.5).ready
+    assert not board.heartbeat(4.0, {"custom_mode": 0, "base_mode": 1}).ready
+    assert board.local_position(4.1) is None
 
 
 def test_any_message_keeps_the_status_young():
