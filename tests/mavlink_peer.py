@@ -16,11 +16,15 @@ POSITION = 3 << 16
 
 
 class Peer:
-    """Runs in a thread from construction to `close`; `seen` are the messages that it was sent, by type."""
+    """Runs in a thread from construction to `close`; `seen` are the messages that it was sent, by type.
+
+    Its clock is ``ahead`` s ahead of this computer's.
+    """
 
     def __init__(self, port, system=1):
         self.mode, self.armed, self.answers, self.texts = TAKEOFF, False, {}, {}
         self.silent = False
+        self.ahead = 5.0
         self.seen = {}
         self.stamps = []
         self._remote = ("127.0.0.1", port)
@@ -77,10 +81,12 @@ class Peer:
                     self.send(mavlink.MAVLink_statustext_message(3, text[50 * k : 50 * k + 50], id=7, chunk_seq=k))
             result = self.answers.get(message.command, 0)
             self.send(mavlink.MAVLink_command_ack_message(message.command, result))
+            if message.command == 400 and result == 0:
+                self.armed = message.param1 == 1.0
             if message.command == 176 and result == 0:
                 self.mode = int(message.param2) << 16 | int(message.param3) << 24
         elif kind == "TIMESYNC" and message.tc1 == 0:
-            self.send(mavlink.MAVLink_timesync_message(int(time.monotonic_ns() + 5e9), message.ts1))
+            self.send(mavlink.MAVLink_timesync_message(int(time.monotonic_ns() + 1e9 * self.ahead), message.ts1))
         elif kind in ("PARAM_SET", "PARAM_REQUEST_READ"):
             name = message.param_id
             value = getattr(message, "param_value", 2.5)

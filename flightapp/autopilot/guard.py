@@ -78,7 +78,7 @@ class CommandGuard:
         self._state_timeout, self._lost_after = config.safety.state_timeout, config.link.lost_after
         self._attitude_age = config.safety.state_timeout + guard.hold
         self._stall = guard.late + guard.hold
-        self._asked = -math.inf
+        self._asked = math.nan
         self._heard_from = -math.inf
         self._patience = Patience(guard.hold, 1.0 / config.control.rate)
         self._last: tuple[float, tuple[float, float, float, float]] | None = None
@@ -148,7 +148,7 @@ class CommandGuard:
         after a takeover or a handing over. After a stall of the sender, in which PX4 may have ended OFFBOARD and would
         resume it at the next command, nothing passes until the autopilot was heard anew.
         """
-        self._pace(now)
+        self._pace(now, status)
         try:
             self._follow(status)
             self._hear(status, now)
@@ -180,7 +180,7 @@ class CommandGuard:
 
         Raises `GuardTrippedError` when the patience is at its end, and at once when the vehicle was taken over.
         """
-        self._pace(now)
+        self._pace(now, status)
         try:
             self._follow(status)
         except GuardTrippedError as final:
@@ -220,9 +220,10 @@ class CommandGuard:
         self._engaged = offboard
         self._was_armed = offboard and status.armed
 
-    def _pace(self, now: float) -> None:
-        """Notice that the sender has stalled."""
-        if self._engaged and now - self._asked > self._stall:
+    def _pace(self, now: float, status: AutopilotStatus | None) -> None:
+        """Notice that the sender has stalled, be it since before OFFBOARD was seen here."""
+        engaged = self._engaged or (status is not None and status.mode is _OFFBOARD)
+        if engaged and now - self._asked > self._stall:
             self._heard_from = now + SETTLE
         self._asked = now
 

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import math
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectError, MavlinkMessage
@@ -38,11 +38,10 @@ SET_CUSTOM_MODE = 1
 KILL = 21196
 """Magic number that makes PX4 disarm in the air."""
 TIMESYNC_PERIOD = 0.5
-MODE_WAIT = 2.0
-"""s from the acceptance of a mode to its being in force."""
-WARNING = 4
-"""MAV_SEVERITY_WARNING."""
-SYS_STATUS, LOCAL_POSITION_NED, BATTERY_STATUS, AUTOPILOT_VERSION, EXTENDED_SYS_STATE = 1, 32, 147, 148, 245
+MODE_WAIT, ARMED_WAIT = 2.0, 2.5
+"""s from the acceptance of a mode, or of arming, to its being told, which heartbeats do once a second."""
+INFO = 6  # MAV_SEVERITY
+LOCAL_POSITION_NED, BATTERY_STATUS, AUTOPILOT_VERSION, EXTENDED_SYS_STATE = 32, 147, 148, 245
 ODOMETRY, CURRENT_MODE = 331, 436
 """MAVLink message ids."""
 
@@ -128,7 +127,6 @@ class Px4Link:
             CURRENT_MODE: 50.0,
             EXTENDED_SYS_STATE: 10.0,
             LOCAL_POSITION_NED: 10.0,
-            SYS_STATUS: 5.0,
             BATTERY_STATUS: 2.0,
             ODOMETRY: self._link.odometry_rate,
         }
@@ -150,8 +148,10 @@ class Px4Link:
         await self._command("takeoff", Command.NAV_TAKEOFF, nan, 0.0, 0.0, nan, nan, nan, nan)
 
     async def arm(self) -> None:
-        """Arm; raises `AutopilotError` with PX4's reason."""
+        """Arm, and see it armed; raises `AutopilotError` with PX4's reason."""
         await self._command("arming", Command.COMPONENT_ARM_DISARM, 1.0)
+        if not await self._until(lambda status: status.armed, ARMED_WAIT):
+            raise AutopilotError(f"arming: accepted, but not armed after {ARMED_WAIT:g} s")
 
     async def disarm(self) -> None:
         """Disarm on the ground; raises `AutopilotError` with PX4's reason."""
@@ -250,14 +250,19 @@ class Px4Link:
 
     async def _mode(self, what: str, wanted: tuple[int, int], expected: FlightMode) -> None:
         await self._command(what, Command.DO_SET_MODE, SET_CUSTOM_MODE, *wanted)
+        if not await self._until(lambda status: status.mode is expected, MODE_WAIT):
+            mode = "unknown" if self.status.latest is None else self.status.latest.mode
+            raise AutopilotError(f"{what}: accepted, but the mode is {mode} after {MODE_WAIT:g} s")
+
+    async def _until(self, wanted: Callable[[AutopilotStatus], bool], seconds: float) -> bool:
+        """Whether the status has become as ``wanted`` within ``seconds``."""
         status = Reader(self.status)
-        try:
-            async with asyncio.timeout(MODE_WAIT):
-                while (latest := self.status.latest) is None or latest.mode is not expected:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                while (latest := self.status.latest) is None or not wanted(latest):
                     await status.newest()
-        except TimeoutError:
-            mode = "unknown" if latest is None else latest.mode
-            raise AutopilotError(f"{what}: accepted, but the mode is {mode} after {MODE_WAIT:g} s") from None
+                return True
+        return False
 
     async def _keep_time(self) -> None:
         """Ask for the autopilot's time now and then."""
@@ -278,7 +283,7 @@ class Px4Link:
     def _on_text(self, text: StatusText) -> None:
         if self._commander is not None:
             self._commander.heard(text)
-        if text.severity <= WARNING:
+        if text.severity <= INFO:
             self._notice(text.text)
 
     def _on_reboot(self, stamp: float) -> None:

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -19,7 +18,7 @@ from flightapp.messages import AutopilotStatus, PoseSample
 TEXT_LENGTH = 50
 """Characters in one STATUSTEXT."""
 REBOOTED = 1.0
-"""s that the autopilot's time since boot must have gone back for it to have booted anew."""
+"""s that the autopilot's clock, which counts from its boot, must have gone back for it to have booted anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +48,6 @@ class Receiver:
         self.refused = 0
         """Messages whose content could not be used: not finite, other frames, other fields."""
         self._board = StatusBoard()
-        self._since_boot = -math.inf
         self._begun = (0, "")
         self._mailboxes: dict[str, Mailbox[str]] = {}
 
@@ -98,11 +96,7 @@ class Receiver:
             self.status.publish(status)
 
     def _on_odometry(self, stamp: float, fields: Fields) -> None:
-        remote = 1e-6 * number(fields["time_usec"])
-        if remote < self._since_boot - REBOOTED:
-            self.reboots.publish(stamp)
-        self._since_boot = remote
-        ours = self.clock.to_ours(remote)
+        ours = self.clock.to_ours(1e-6 * number(fields["time_usec"]))
         # An offset that doesn't fit yet must not make stamps from the future.
         sample = odometry(stamp if ours is None or not 0.0 <= stamp - ours < 0.5 else ours, fields)
         if sample is None:
@@ -115,7 +109,10 @@ class Receiver:
         if answered == 0:
             self.time_requests.publish(TimeRequest(stamp, asked))
         else:
+            before = self.clock.offset
             self.clock.add(1e-9 * asked, 1e-9 * answered, stamp)
+            if before is not None and self.clock.offset is not None and self.clock.offset < before - REBOOTED:
+                self.reboots.publish(stamp)
 
     def _on_text(self, stamp: float, fields: Fields) -> None:
         """A text longer than one message comes in pieces of the same id; the last one is not full."""

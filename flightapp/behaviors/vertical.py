@@ -1,6 +1,7 @@
 """Leaving the ground and coming back to it, by the autopilot's own means."""
 
 import asyncio
+import contextlib
 import math
 
 from flightapp.behaviors.base import Behavior, Context, Result
@@ -58,11 +59,22 @@ class Takeoff(Behavior):
         give_up = self.context.now() + ARM_PATIENCE
         while True:
             try:
-                return await self.context.autopilot.arm()
+                return await self._arm_once()
             except AutopilotError:
                 if self.context.now() > give_up:
                     raise
             await asyncio.sleep(0.5)
+
+    async def _arm_once(self) -> None:
+        arming = asyncio.ensure_future(self.context.autopilot.arm())
+        try:
+            await asyncio.shield(arming)
+        except asyncio.CancelledError:
+            # The autopilot may obey all the same: whoever sees to the end must know whether it has.
+            with contextlib.suppress(AutopilotError):
+                await arming
+                self.context.machine.go(Phase.ARMED, self.context.now(), "armed as the takeoff was broken off")
+            raise
 
     async def _climb(self, status: Reader[AutopilotStatus], ground: float) -> str | None:
         """Wait until the climb is over; what broke it off, or None.

@@ -18,6 +18,8 @@ from flightapp.mission.drone import BehaviorFailedError
 
 ASK_AGAIN = 1.0
 """s without news of the autopilot until the landing is asked for again."""
+LAST_WORDS = 1.0
+"""s of recording after the motors are off: what the autopilot, or its link, still has to say, as of a reboot."""
 LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
 PILOTED = frozenset(FlightMode) - LANDING - {FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD}
 """Modes that the application never asks for."""
@@ -105,6 +107,7 @@ class Supervisor:
                 elif not _down(context.autopilot.status.latest):
                     self._event("the vehicle was taken over: nothing is asked of the autopilot until it has disarmed")
                 await self._wait_for_the_end(context.autopilot)
+            await asyncio.sleep(LAST_WORDS)
         except TimeoutError:
             self._event(f"landing not confirmed: not disarmed within {patience:g} s")
         except Exception as error:  # the autopilot's own failsafe is what is left

@@ -63,8 +63,9 @@ async def main(port, how, orders):
     loop = asyncio.get_running_loop()
     orders.append((loop, die if how == "dies" else lambda: stall(float(how))))
     bus.fault.tap(lambda event: say(f"fault {time.monotonic()} {event.text}"))
-    rig, modules = SimpleNamespace(autopilot=link), SimpleNamespace(
-        controller=FlatnessController(config), guard=CommandGuard(config)
+    rig, modules = (
+        SimpleNamespace(autopilot=link),
+        SimpleNamespace(controller=FlatnessController(config), guard=CommandGuard(config)),
     )
     with KernelTicker(config.control.rate) as ticker:
         control = tasks.control(rig, bus, modules, line, ticker)

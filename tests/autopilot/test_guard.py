@@ -168,6 +168,12 @@ def test_what_pauses_before_offboard_is_no_stall():
     assert guard.check(command(stamp=0.9), 0.9, WAITING).stamp == 0.9
 
 
+def test_a_stall_at_the_beginning_of_offboard_is_one():
+    guard = CommandGuard(CONFIG)
+    guard.check(command(), 0.0, WAITING)
+    assert refusal(guard, command(stamp=0.7), 0.7, replace(FLYING, stamp=0.01)) is Refusal.STALLED
+
+
 def test_refusals_are_counted_by_reason():
     guard = CommandGuard(CONFIG)
     for bad in (command((np.nan,) * 3), command(thrust=np.nan), command(stamp=-1.0)):

@@ -16,6 +16,9 @@ from flightapp.config import load_config
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import FlightMode, PoseSample, RateCommand
 
+pytestmark = pytest.mark.xdist_group("wall clock")
+"""One at a time: they need the computer's time when it is due."""
+
 
 def free_port():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -121,6 +124,28 @@ async def test_a_refusal_says_why():
         await asyncio.sleep(1.5)
         with pytest.raises(RefusedError, match="arming refused: temporarily rejected"):
             await link.arm()
+
+
+async def test_a_clock_that_begins_anew_is_a_reboot():
+    async with linked() as (link, peer):
+        notices = []
+        link.notices.tap(notices.append)
+        await until(lambda: link.round_trip is not None)
+        peer.ahead += 2.0  # set anew, but not from its beginning
+        await asyncio.sleep(1.0)
+        assert not notices
+        asked = peer.count("COMMAND_LONG")
+        peer.ahead = -3.0
+        await until(lambda: notices)
+        assert [notice.text for notice in notices] == ["the autopilot has rebooted"]
+        await until(lambda: peer.count("COMMAND_LONG") >= asked + 3)
+        assert peer.last("COMMAND_LONG").command == 511
+
+
+async def test_arming_is_over_when_it_is_told():
+    async with linked() as (link, _):
+        await link.arm()
+        assert link.status.latest.armed
 
 
 async def test_a_silent_autopilot_is_told():

@@ -3,14 +3,17 @@
 import asyncio
 
 import numpy as np
+import pytest
 from fakes import FakeAutopilot, make_context, stream_states, virtually
 
 from flightapp.behaviors.base import Behavior, Coordinator, Result
-from flightapp.behaviors.motion import Follow, Hover
+from flightapp.behaviors.motion import Follow, Goto, Hover
 from flightapp.behaviors.race import Race
 from flightapp.behaviors.vertical import Land, Takeoff
+from flightapp.interfaces import Motion, PlanRequest
 from flightapp.messages import Drift, GateEstimate, GateMap, Outcome, Phase, PlanReport
 from flightapp.planning.line import Line
+from flightapp.planning.polynomial import PolynomialPlanner
 from flightapp.trajectory import hover
 
 
@@ -147,6 +150,16 @@ def test_follow_arrives():
     follow = Follow(context, np.array([[1.0, 0.0, 1.5], END]), 20.0)
     result = fly(context, follow, lambda t: (min(t, 1.0) * 3.0, 0.0, 1.5), [planned(context, END)])
     assert result.outcome is Outcome.GOAL_ACHIEVED
+
+
+def test_goto_asks_for_a_line_to_its_point():
+    context = airborne()
+    result = fly(context, Goto(context, np.array(END), 20.0), lambda t: END, [planned(context, END)])
+    assert result.outcome is Outcome.GOAL_ACHIEVED
+    goal = context.bus.goal.latest
+    request = PlanRequest(0.0, Motion(*np.zeros((4, 3)), 0.0, 0.0), (), goal.end, goal.limits)
+    line = PolynomialPlanner(context.config).through(goal.waypoints, request)
+    assert line.setpoint(line.end_stamp).position.tolist() == pytest.approx(END)
 
 
 def test_follow_that_does_not_get_there_is_wrong_progress():

@@ -9,7 +9,8 @@ import pytest
 from fakes import FakeAutopilot, make_context, stream_states, virtually
 
 from flightapp.behaviors.base import Coordinator
-from flightapp.messages import Event, Outcome, Phase
+from flightapp.interfaces import AutopilotError
+from flightapp.messages import Event, FlightMode, Outcome, Phase
 from flightapp.mission.drone import Drone
 from flightapp.mission.supervisor import Supervisor
 
@@ -125,8 +126,58 @@ def test_after_a_pilot_took_over_nothing_is_asked_of_the_autopilot():
         await asyncio.sleep(4.0)
         context.bus.fault.publish(Event(context.now(), "fault", "pilot"))
 
-    _, _, autopilot = fly(up_and_down, taken_over=True, during=fault)
+    events = []
+
+    def work(context):
+        context.bus.event.tap(events.append)
+        return {}
+
+    _, context, autopilot = fly(up_and_down, taken_over=True, during=fault, work=work)
     assert "land" not in autopilot.calls
+    assert [event.text for event in events][-2:] == [
+        "the vehicle was taken over: nothing is asked of the autopilot until it has disarmed",
+        f"landing not confirmed: not disarmed within {context.config.mission.land_timeout:g} s",
+    ]
+    assert events[-1].stamp == pytest.approx(4.0 + context.config.mission.land_timeout, abs=0.1)
+
+
+def test_after_a_pilot_took_over_the_flight_ends_when_he_has_landed():
+    async def fault(context):
+        await asyncio.sleep(4.0)
+        context.bus.fault.publish(Event(context.now(), "fault", "pilot"))
+        await asyncio.sleep(3.0)
+        context.autopilot._set(mode=FlightMode.POSITION, armed=False)
+        ended.append(context.now())
+
+    ended = []
+    ending, _, autopilot = fly(up_and_down, taken_over=True, during=fault)
+    assert ended, "not before"
+    assert (ending.outcome, ending.reason) == (Outcome.PROCESS_FAILURE, "pilot")
+    assert "land" not in autopilot.calls
+
+
+class SlowToArm(FakeAutopilot):
+    """Takes half a second until it says that it has armed."""
+
+    async def arm(self):
+        self.calls.append("arm")
+        await asyncio.sleep(0.5)
+        if self.refuse == "arm":
+            raise AutopilotError("arm refused: test")
+        self._set(armed=True, landed=False)
+
+
+@pytest.mark.parametrize("refuse", ["", "arm"])
+def test_who_interrupts_the_arming_lands_what_has_armed(refuse):
+    async def fault(context):
+        await asyncio.sleep(0.3)
+        assert context.autopilot.calls[-1] == "arm"
+        context.bus.fault.publish(Event(context.now(), "fault", "state lost"))
+
+    ending, _, autopilot = fly(up_and_down, SlowToArm(refuse), during=fault)
+    assert ending.reason == "state lost"
+    assert autopilot.calls[-1] == ("arm" if refuse else "land")
+    assert not autopilot.status.latest.armed
 
 
 def test_a_link_that_is_never_found_ends_the_flight_on_the_ground():
