@@ -208,7 +208,7 @@ class Link(Section):
     system_id: int = Field(1, ge=1, le=254, description="MAVLink system id of the vehicle to fly, MAV_SYS_ID")
     connect_timeout: Finite = Field(15.0, gt=0.5, le=600.0, description="s to wait for the autopilot")
     lost_after: Finite = Field(1.0, gt=0.1, le=10.0, description="s without any message before the link counts as lost")
-    odometry_rate: Finite = Field(50.0, ge=1.0, le=250.0, description="Hz, of the autopilot's own estimate")
+    odometry_rate: Finite = Field(20.0, ge=1.0, le=250.0, description="Hz, of the autopilot's own estimate")
 
 
 class ExternalVision(Section):

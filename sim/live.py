@@ -3,16 +3,14 @@
 import asyncio
 import difflib
 import math
-import os
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from flightapp.config import Config, Realtime
+from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.inputs import BadInputError
 from flightapp.messages import Frame, PoseSample
@@ -128,18 +126,6 @@ def set_parameter(parameters: Parameters, text: str) -> None:
     except ValueError:
         form = "a whole number" if kind is int else "a number"
         raise BadInputError(f"parameter {name} is {form}, not '{value}'") from None
-
-
-def be_punctual(config: Realtime) -> None:
-    """Have the calling thread run ahead of ordinary programs, where ``config`` asks for real time and it is permitted.
-
-    A real sensor waits for nobody. It comes before the application's workers and after its loop; threads that it
-    starts are ordinary ones.
-    """
-    if config.priority:
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        with suppress(OSError):
-            os.sched_setscheduler(0, policy, os.sched_param(config.worker_priority + 1))
 
 
 async def run_until(stop: asyncio.Event, *work: Coroutine[Any, Any, None]) -> None:

@@ -22,7 +22,7 @@ from flightapp.inputs import BadInputError
 from flightapp.messages import Collision, CommandArrivals, Frame, GatePassage, GroundTruth, PoseSample
 from flightapp.sensors.poses import encode_pose
 from sim.clock import RealtimeLoop
-from sim.live import LiveWorld, be_punctual, run_until
+from sim.live import LiveWorld, run_until
 from sim.mavlink.endpoint import Link, MavlinkEndpoint
 from sim.mavlink.watch import Watch
 from sim.orders import Answer, Ask, Lines, Order, WorldState
@@ -69,7 +69,6 @@ class WorldProcess:
         try:
             gc.collect()
             gc.freeze()
-            be_punctual(self._order.config.realtime)
             self._control.send(Answer())
             await run_until(
                 self._stop,

@@ -15,7 +15,7 @@ from flightapp.sensors.address import parse_address
 from flightapp.sensors.poses import encode_pose
 from flightapp.track import Start, Track
 from sim.clock import RealtimeLoop
-from sim.live import LiveWorld, be_punctual, run_until
+from sim.live import LiveWorld, run_until
 from sim.mavlink.endpoint import GROUND, ONBOARD, Link, MavlinkEndpoint
 from sim.outbox import Outbox
 
@@ -53,7 +53,6 @@ def serve_alone(
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stop.set)
         try:
-            be_punctual(config.realtime)
             announce(_line(endpoint, links, vision))
             await run_until(stop, *_work(live, vision, target))
         finally:
