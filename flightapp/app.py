@@ -159,7 +159,7 @@ def _wire(
             "health": tasks.health(rig, bus, config, line),
         }
         if isinstance(ticker, KernelTicker):
-            work["load"] = tasks.load(bus, session)
+            work["load"] = tasks.load(bus)
             bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
         try:
             return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))

@@ -136,6 +136,7 @@ class Planning(Section):
     lead: Finite = Field(0.12, ge=0.0, le=1.0, description="s, a new plan starts this long after it is asked for")
     replan_distance: Finite = Field(0.05, gt=0.0, le=2.0, description="m, a gate that moved this far is planned anew")
     replan_interval: Finite = Field(0.15, ge=0.0, le=5.0, description="s, least time between plans")
+    horizon: int = Field(8, ge=2, le=100, description="gates ahead that are planned; the others follow as these pass")
     free_knots: int = Field(2, ge=1, le=4, description="points per leg between gates that the planner may move")
     crossing_deg: Finite = Field(25.0, ge=5.0, le=60.0, description="°, angle to a gate's normal to stay within")
     thrust_share: Finite = Field(0.9, gt=0.1, le=1.0, description="of the vehicle's full thrust that plans may use")
@@ -248,7 +249,6 @@ class Realtime(Section):
     """What is asked of the operating system for a flight on the wall clock."""
 
     priority: int = Field(50, ge=0, le=98, description="SCHED_FIFO of the event loop; 0 leaves the scheduler alone")
-    worker_priority: int = Field(10, ge=0, le=98, description="SCHED_FIFO of worker threads, below the loop's; 0: none")
     lock_memory: bool = Field(True, description="keep all memory resident (mlockall)")
     cpus: tuple[int, ...] = Field((), description="CPUs for the process; none leaves them alone")
 

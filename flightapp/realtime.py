@@ -1,9 +1,9 @@
 """What is asked of the interpreter and the operating system so that a flight is not held up.
 
 The event loop and the autopilot link's own threads run under SCHED_FIFO, the memory is locked, the garbage collector
-is off. Worker threads run under FIFO too, with a lower priority: they never keep a processor from the loop, and no
-other process takes theirs while they hold the interpreter, for which the loop would then wait. What isn't permitted is
-told, with how to permit it, and flown without.
+is off. Worker threads stay under the ordinary scheduler: under FIFO, even of a lower priority, a planner that computed
+for long starved the process that the poses come from. What isn't permitted is told, with how to permit it, and flown
+without.
 """
 
 import ctypes
@@ -129,15 +129,6 @@ class RealtimeSession:
         if self._begun and self._config.priority:
             self._prioritise(f"SCHED_FIFO for {name}'s threads", born)
 
-    def adopt_workers(self) -> None:
-        """FIFO of the lower priority for the threads that Python has started since; call it now and then."""
-        priority = self._config.worker_priority
-        if not (self._begun and self._config.priority and priority):
-            return
-        for tid in _python_threads() - self._scheduling.keys():
-            with suppress(OSError):  # refused, as the loop was before, or the thread has ended
-                self._prioritise_one(tid, os.SCHED_FIFO, priority)
-
     def end(self) -> None:
         """Put back what was changed."""
         for tid in set(_threads()) - self._before if self._adopted and self._config.priority else ():
@@ -160,7 +151,9 @@ class RealtimeSession:
         priority, count = self._config.priority, 0
         try:
             for tid in threads:
-                self._prioritise_one(tid, policy, priority)
+                was = (os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority)
+                os.sched_setscheduler(tid, policy, os.sched_param(priority))
+                self._scheduling[tid] = was
                 count += 1
         except ProcessLookupError:
             self._note(what, False, "a thread ended meanwhile")
@@ -168,11 +161,6 @@ class RealtimeSession:
             self._note(what, False, f"{error.strerror}; permit it by {FIFO_HOW.format(priority=priority)}")
         else:
             self._note(what, True, f"priority {priority}, {count} {'thread' if count == 1 else 'threads'}")
-
-    def _prioritise_one(self, tid: int, policy: int, priority: int) -> None:
-        was = (os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority)
-        os.sched_setscheduler(tid, policy, os.sched_param(priority))
-        self._scheduling[tid] = was
 
     def _lock_memory(self) -> None:
         what = "memory locked"

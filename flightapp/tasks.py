@@ -21,7 +21,7 @@ from flightapp.planning.clearance import touched_frame
 from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
-from flightapp.realtime import RealtimeSession, resident
+from flightapp.realtime import resident
 from flightapp.timing import Ticker
 from flightapp.track import GateShape, Track
 from flightapp.trajectory import Trajectory
@@ -123,8 +123,10 @@ async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, track: 
             work = partial(_plan, modules.planner, goal, request, gates, track.gate, config.vehicle.radius)
             trajectory = await rig.worker.run("plan", work)
         except PlanningError as error:
+            modules.navigator.took(now() - asked)
             bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
             continue
+        modules.navigator.took(now() - asked)
         if line.latest is None:
             bus.plan.publish(PlanReport(asked, now() - asked, False, "the line was given up meanwhile"))
             continue
@@ -202,10 +204,9 @@ def _command(
         return guard.hold(error, now(), status.latest, state)
 
 
-async def load(bus: Bus, session: RealtimeSession) -> None:
+async def load(bus: Bus) -> None:
     """What the process takes of its computer, once a second; on the wall clock only."""
     while True:
-        session.adopt_workers()
         used = resource.getrusage(resource.RUSAGE_SELF)
         bus.load.publish(ProcessLoad(now(), used.ru_utime + used.ru_stime, float(resident())))
         await asyncio.sleep(1.0)

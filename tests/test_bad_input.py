@@ -1,5 +1,6 @@
 """What a user can get wrong is told in one paragraph, with exit status 2 and without a traceback."""
 
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -113,6 +114,27 @@ CASES = {
     "a log that is not there": ({}, ("report", "runs/none"), ["runs/none"]),
 }
 
+LEMNISCATE = str(ROOT / "missions" / "lemniscate.py")
+CASES |= {
+    "no vehicle": ({}, ("fly", LEMNISCATE), ["--sim", "--sim --mavlink", "--connect URL"]),
+    "two vehicles": ({}, ("fly", LEMNISCATE, "--sim", "--connect", "udpin://127.0.0.1:14540"), ["--connect URL"]),
+    "a connection that is none": (
+        {},
+        ("fly", LEMNISCATE, "--connect", "127.0.0.1:14540"),
+        ["link.connection = '127.0.0.1:14540'", "udpin://HOST:PORT", "serial:///dev/NAME:BAUD"],
+    ),
+    "a serial device that is missing": (
+        {},
+        ("fly", LEMNISCATE, "--connect", "serial:///dev/ttyNONE:921600"),
+        ["serial:///dev/ttyNONE:921600", "No such file or directory"],
+    ),
+    "gates without a camera": (
+        {},
+        ("fly", str(ROOT / "missions" / "five_gates.py"), "--connect", "udpin://127.0.0.1:14540"),
+        ["track 'five_gates' has gates", "camera"],
+    ),
+}
+
 
 @pytest.mark.parametrize("name", CASES)
 def test_bad_input(name, tmp_path):
@@ -125,6 +147,19 @@ def test_bad_input(name, tmp_path):
     assert len(ended.stderr.strip().splitlines()) == 1, ended.stderr
     for text in expected:
         assert text in ended.stderr
+
+
+@pytest.mark.parametrize("command", ["fly", "doctor"])
+def test_a_port_in_use(command, tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        url = f"udpin://127.0.0.1:{other.getsockname()[1]}"
+        mission = [LEMNISCATE] if command == "fly" else []
+        ended = flightapp(command, *mission, "--connect", url, cwd=tmp_path)
+    assert ended.returncode == 2, ended.stderr
+    assert f"link.connection = '{url}' cannot be opened" in ended.stderr
+    assert "another program has this port" in ended.stderr
+    assert "Traceback" not in ended.stderr
 
 
 def test_a_record_is_never_overwritten(tmp_path):

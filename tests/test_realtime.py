@@ -196,31 +196,7 @@ def test_one_line_tells_all():
     assert not report.granted
 
 
-def test_workers_are_adopted_below_the_loop_and_given_back(monkeypatch):
-    kernel = Kernel(monkeypatch)
-    stop = threading.Event()
-    worker = threading.Thread(target=stop.wait)
-    with RealtimeSession(Realtime(priority=7, worker_priority=3, lock_memory=False)) as session:
-        worker.start()
-        kernel.threads.append(worker.native_id)
-        session.adopt_workers()
-        assert kernel.policies[worker.native_id] == (os.SCHED_FIFO, 3)
-        assert kernel.policies[threading.get_native_id()] == (FIFO, 7)
-    assert kernel.policies[worker.native_id] == (os.SCHED_OTHER, 0)
-    stop.set()
-    worker.join()
-
-
-@pytest.mark.parametrize("settings", [{"priority": 0}, {"worker_priority": 0}])
-def test_workers_are_left_alone_where_nothing_was_asked_for(monkeypatch, settings):
-    kernel = Kernel(monkeypatch)
-    with RealtimeSession(Realtime(lock_memory=False, **settings)) as session:
-        before = dict(kernel.policies)
-        session.adopt_workers()
-        assert kernel.policies == before
-
-
-def test_on_this_machine_workers_start_ordinary_whatever_is_granted():
+def test_on_this_machine_workers_stay_ordinary_whatever_is_granted():
     def policy():
         return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
 

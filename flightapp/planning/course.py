@@ -25,7 +25,14 @@ class Course:
     end: Vector
     """(3,) m, world: where to come to rest."""
     waiting_for: GateEstimate | None
-    """The gate that has to be seen before going on; None when the course reaches the goal."""
+    """The gate that has to be seen before going on; None when there is none."""
+    beyond: GateEstimate | None = None
+    """The known gate behind the planner's horizon, towards which the course goes on; None when there is none."""
+
+    @property
+    def following(self) -> GateEstimate | None:
+        """The gate after the last of `gates`; None when the course reaches the goal."""
+        return self.waiting_for or self.beyond
 
 
 def horizontal_sigma(gate: GateEstimate) -> float:
@@ -46,15 +53,19 @@ def course(
     end: Vector,
     known_sigma: float,
     standoff: float,
+    horizon: int,
 ) -> Course:
     """The course from ``origin`` (3,) through the leading known ones of ``gates`` towards ``end`` (3,).
 
-    ``standoff`` is the distance in metres to keep from a gate that is not known yet.
+    ``standoff`` is the distance in metres to keep from a gate that is not known yet; ``horizon`` the number of gates
+    after which a course ends, at rest there too: it is planned on as gates are passed, long before it would brake.
     """
     known: list[GateEstimate] = []
     for gate in gates:
         if not is_known(gate, known_sigma):
             return Course(tuple(known), _wait_before(gate, known, origin, standoff), gate)
+        if len(known) == horizon:
+            return Course(tuple(known), _wait_before(gate, known, origin, standoff), None, gate)
         known.append(gate)
     return Course(tuple(known), end, None)
 

@@ -13,6 +13,10 @@ from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.trajectory import Trajectory
 
+LEAD_MARGIN = 1.5
+"""Share of the time that a plan took, after which the next may begin."""
+LEAD_MAX = 1.0
+"""s"""
 FROZEN = 0.45
 """s before a gate in which it is flown through as planned: a new plan could only meet it with a detour."""
 
@@ -26,6 +30,7 @@ class Navigator:
         self._planned: tuple[GateEstimate, ...] = ()
         self._end: Vector | None = None
         self._asked = -math.inf
+        self._lead = config.planning.lead
         self.waiting_for: GateEstimate | None = None
 
     def request(self, now: float, goal: Goal, gate_map: GateMap | None, line: Line) -> PlanRequest | None:
@@ -33,7 +38,7 @@ class Navigator:
         fresh = goal.serial != self._serial
         if not fresh and (goal.waypoints is not None or now < self._asked + self._config.planning.replan_interval):
             return None
-        stamp = now + self._config.planning.lead
+        stamp = now + self._lead
         if not fresh and self._gate_is_near(line.latest, stamp):
             return None
         start = line.motion(stamp)
@@ -41,7 +46,7 @@ class Navigator:
         self.waiting_for = leg.waiting_for
         if not fresh and not self._changed(leg):
             return None
-        look_at = leg.waiting_for.position if leg.waiting_for else None
+        look_at = leg.following.position if leg.following else None
         self._asked = now
         return PlanRequest(stamp, start, leg.gates, leg.end, goal.limits, look_at)
 
@@ -51,6 +56,10 @@ class Navigator:
         self._planned = request.gates
         self._end = request.end
 
+    def took(self, elapsed: float) -> None:
+        """Planning took ``elapsed`` s: the next plan begins late enough to be there in time, if need be."""
+        self._lead = max(self._config.planning.lead, min(LEAD_MARGIN * elapsed, LEAD_MAX))
+
     def _course(
         self, goal: Goal, gate_map: GateMap | None, flown: Trajectory | None, stamp: float, origin: Vector
     ) -> Course:
@@ -59,7 +68,8 @@ class Navigator:
         by_id = {gate.gate_id: gate for gate in gate_map.gates}
         ahead = [by_id[gate_id] for gate_id in goal.gate_ids[self._passed(goal, flown, stamp) :]]
         race = self._config.race
-        return course(ahead, origin, goal.end, self._config.mapping.known_sigma, race.standoff)
+        horizon = self._config.planning.horizon
+        return course(ahead, origin, goal.end, self._config.mapping.known_sigma, race.standoff, horizon)
 
     def known(self, gate_map: GateMap | None) -> tuple[GateEstimate, ...]:
         """The gates whose frames a plan must keep clear of."""
@@ -89,7 +99,7 @@ class Navigator:
 
     def _changed(self, leg: Course) -> bool:
         limit = self._config.planning.replan_distance
-        if _moved(leg.end, self._end, limit if leg.waiting_for is None else 10.0 * limit):
+        if _moved(leg.end, self._end, limit if leg.following is None else 10.0 * limit):
             return True
         tail = self._planned[len(self._planned) - len(leg.gates) :]
         if [gate.gate_id for gate in tail] != [gate.gate_id for gate in leg.gates]:

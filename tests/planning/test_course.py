@@ -21,7 +21,7 @@ def gate(gate_id, x, y=0.0, z=1.5, sigma=0.05, sightings=10, yaw=0.0):
 
 def test_known_gates_lead_to_the_finish():
     gates = [gate(1, 10.0), gate(2, 20.0)]
-    leg = course(gates, START, FINISH, 0.3, 4.0)
+    leg = course(gates, START, FINISH, 0.3, 4.0, 8)
     assert [g.gate_id for g in leg.gates] == [1, 2]
     assert leg.waiting_for is None
     assert np.array_equal(leg.end, FINISH)
@@ -29,21 +29,31 @@ def test_known_gates_lead_to_the_finish():
 
 def test_an_unknown_gate_is_waited_for_a_standoff_before_it_and_none_behind_it_is_planned():
     gates = [gate(1, 10.0), gate(2, 20.0, sigma=1.5, sightings=0), gate(3, 25.0)]
-    leg = course(gates, START, FINISH, 0.3, 4.0)
+    leg = course(gates, START, FINISH, 0.3, 4.0, 8)
     assert [g.gate_id for g in leg.gates] == [1]
     assert leg.waiting_for is gates[1]
     assert leg.end == pytest.approx((16.0, 0.0, 1.5))
 
 
+def test_known_gates_beyond_the_horizon_are_left_for_later():
+    gates = [gate(k, 10.0 * k) for k in range(1, 6)]
+    leg = course(gates, START, FINISH, 0.3, 4.0, 3)
+    assert [g.gate_id for g in leg.gates] == [1, 2, 3]
+    assert leg.waiting_for is None
+    assert leg.following is leg.beyond is gates[3]
+    assert leg.end == pytest.approx((36.0, 0.0, 1.5))
+    assert course(gates[2:], START, FINISH, 0.3, 4.0, 3).following is None
+
+
 def test_near_the_unknown_first_gate_the_drone_stays_where_it_is():
-    leg = course([gate(1, 3.0, sigma=1.5)], START, FINISH, 0.3, 4.0)
+    leg = course([gate(1, 3.0, sigma=1.5)], START, FINISH, 0.3, 4.0, 8)
     assert leg.gates == ()
     assert np.array_equal(leg.end, START)
 
 
 def test_a_course_ends_behind_the_last_known_gate_even_when_the_next_is_near():
     known = gate(1, 10.0, yaw=math.pi / 2)
-    leg = course([known, gate(2, 12.0, sigma=1.5)], START, FINISH, 0.3, 4.0)
+    leg = course([known, gate(2, 12.0, sigma=1.5)], START, FINISH, 0.3, 4.0, 8)
     assert leg.end == pytest.approx((10.0, EXIT_RUN, 1.5))
 
 
@@ -66,7 +76,7 @@ def test_horizontal_sigma_is_the_long_axis_of_the_ellipse(a, b, angle):
 @given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(0.5, 8.0))
 def test_the_waiting_point_keeps_the_standoff_wherever_the_gate_is(x, y, standoff):
     unknown = gate(1, x, y, sigma=1.5)
-    leg = course([unknown], START, FINISH, 0.3, standoff)
+    leg = course([unknown], START, FINISH, 0.3, standoff, 8)
     distance = math.hypot(*(leg.end - unknown.position)[:2])
     assert distance >= min(standoff, math.hypot(x, y)) - 1e-9
 
@@ -74,6 +84,6 @@ def test_the_waiting_point_keeps_the_standoff_wherever_the_gate_is(x, y, standof
 @given(st.floats(-math.pi, math.pi), st.floats(-12.0, 12.0), st.floats(-12.0, 12.0))
 def test_a_course_always_leads_clear_of_the_frame_of_the_gate_before(yaw, x, y):
     known = gate(1, 0.0, yaw=yaw)
-    leg = course([known, gate(2, x, y, sigma=1.5)], START, FINISH, 0.3, 4.0)
+    leg = course([known, gate(2, x, y, sigma=1.5)], START, FINISH, 0.3, 4.0, 8)
     out = math.cos(yaw) * leg.end[0] + math.sin(yaw) * leg.end[1]
     assert out >= EXIT_RUN - 1e-9

@@ -109,6 +109,32 @@ def test_a_gate_that_became_known_extends_the_course():
     assert request.look_at is None
 
 
+def test_as_gates_are_passed_the_course_goes_on():
+    line = Line()
+    line.accept(hover(0.0, np.array((0.0, 0.0, 1.5)), 0.0))
+    navigator = Navigator(load_config(None, {"planning.horizon": 2}))
+    goal = Goal(FINISH, LIMITS, gate_ids=(1, 2, 1, 2), serial=1)
+    known = gate_map(gate(1, 8.0), gate(2, 16.0))
+    request = navigator.request(0.0, goal, known, line)
+    assert [g.gate_id for g in request.gates] == [1, 2]
+    assert request.look_at == pytest.approx((8.0, 0.0, 1.5))
+    assert navigator.waiting_for is None
+    navigator.accepted(goal, request)
+    line.accept(straight(request.stamp, (1, 2), (2.0, 4.0)))
+    assert navigator.request(1.0, goal, known, line) is None
+    on = navigator.request(2.1, goal, known, line)
+    assert [g.gate_id for g in on.gates] == [2, 1]
+
+
+def test_after_a_slow_plan_the_next_begins_later(flying):
+    navigator, goal, _, line, _ = flying
+    moved = gate_map(gate(1, 8.0, 0.2), gate(2, 16.0))
+    navigator.took(0.2)
+    assert navigator.request(0.5, goal, moved, line).stamp == pytest.approx(0.5 + 1.5 * 0.2)
+    navigator.took(0.001)
+    assert navigator.request(1.0, goal, moved, line).stamp == pytest.approx(1.0 + CONFIG.planning.lead)
+
+
 def test_a_refused_plan_is_asked_for_again(flying):
     navigator, goal, _, line, _ = flying
     moved = gate_map(gate(1, 8.0, 0.2), gate(2, 16.0))
