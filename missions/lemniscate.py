@@ -7,5 +7,6 @@ SETTINGS = {"race.v_max": 3.0}
 async def mission(drone):
     """Take off, fly one lap, land."""
     await drone.takeoff()
-    await drone.follow()
+    for _ in range(drone.laps):
+        await drone.follow()
     await drone.land()

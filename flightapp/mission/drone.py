@@ -33,6 +33,11 @@ class Drone:
         return self._context.track
 
     @property
+    def laps(self) -> int:
+        """How many laps the configuration asks for (mission.laps)."""
+        return self._context.config.mission.laps
+
+    @property
     def position(self) -> Vector | None:
         """Estimated position (3,) m, world; None before the first estimate."""
         state = self._context.bus.state.latest
