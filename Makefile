@@ -18,7 +18,7 @@ race: $(READY)
 	@$(VENV)/bin/flightapp fly missions/five_gates.py --sim
 
 test: lint
-	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadgroup \
+	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile \
 		--cov flightapp --cov sim --cov-report term:skip-covered
 
 lint: $(READY)

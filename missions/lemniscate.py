@@ -5,7 +5,7 @@ SETTINGS = {"race.v_max": 3.0}
 
 
 async def mission(drone):
-    """Take off, fly one lap, land."""
+    """Take off, fly the laps that mission.laps asks for, land."""
     await drone.takeoff()
     for _ in range(drone.laps):
         await drone.follow()

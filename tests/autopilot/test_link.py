@@ -16,9 +16,6 @@ from flightapp.config import load_config
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import FlightMode, PoseSample, RateCommand
 
-pytestmark = pytest.mark.xdist_group("wall clock")
-"""One at a time: they need the computer's time when it is due."""
-
 
 def free_port():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

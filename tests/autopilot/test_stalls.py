@@ -18,9 +18,6 @@ import mavlink_peer as px4
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.xdist_group("wall clock")
-"""One at a time: they need the computer's time when it is due."""
-
 SENDER = Path(__file__).with_name("stalling_sender.py")
 END = 0.3
 """s within which the stream must have ended."""

@@ -11,9 +11,6 @@ import numpy as np
 import pytest
 from outside import Flight
 
-pytestmark = pytest.mark.xdist_group("wall clock")
-"""One at a time: they need the computer's time when it is due."""
-
 OFFBOARD_LOSS = 0.5
 """s without a setpoint after which PX4 lands (COM_OF_LOSS_T)."""
 ALLOWANCE = 0.5

@@ -9,9 +9,6 @@ import pytest
 from flightapp import app, results
 from flightapp.messages import Outcome
 
-pytestmark = pytest.mark.xdist_group("wall clock")
-"""One at a time: they need the computer's time when it is due."""
-
 MISSIONS = Path(__file__).parents[2] / "missions"
 
 
