@@ -102,7 +102,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
                 flight = _wire(mission, config, rig, recorder, app_log, ticker, watch)
                 begin, wall = tasks.now(), time.perf_counter()
                 with undisturbed(), session if plan.realtime else nullcontext():
-                    ending = await flight.run(session)
+                    ending = await flight.run(session if plan.realtime else None)
                 entries = {"outcome": ending.outcome.value, "reason": ending.reason, "sender": flight.report()}
         finally:
             recorder.close(**entries)
@@ -120,7 +120,8 @@ def _ticker(config: Config, realtime: bool) -> Ticker:
 class _Flight:
     """Everything connected, ready to fly."""
 
-    run: Callable[[RealtimeSession], Awaitable[Ending]]
+    run: Callable[[RealtimeSession | None], Awaitable[Ending]]
+    """With the session of a flight on the wall clock."""
     report: Callable[[], str]
     """How the sender did, for the log's header."""
 
@@ -148,7 +149,7 @@ def _wire(
     if watch is not None:
         watch(bus, rig)
 
-    async def run(session: RealtimeSession) -> Ending:
+    async def run(session: RealtimeSession | None) -> Ending:
         work: dict[str, Coroutine[Any, Any, None]] = {
             "camera": tasks.camera(rig, bus),
             "detection": tasks.detection(rig, bus, modules, config, known),
@@ -158,7 +159,7 @@ def _wire(
             "control": tasks.control(rig, bus, modules, line, ticker),
             "health": tasks.health(rig, bus, config, line),
         }
-        if isinstance(ticker, KernelTicker):
+        if session is not None:
             work["load"] = tasks.load(bus)
             bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
         try:

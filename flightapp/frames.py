@@ -162,6 +162,15 @@ def quat_from_euler(roll: float, pitch: float, yaw: float) -> Vector:
     )
 
 
+def quat_to_euler(q: Vector) -> tuple[float, float, float]:
+    """Roll, pitch and yaw in radians of intrinsic z-y-x turns, of a unit quaternion (4,)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    sine = 2.0 * (w * y - z * x)
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.atan2(sine, math.sqrt(max(1.0 - sine * sine, 0.0)))
+    return roll, pitch, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
 @kernel
 def quat_yaw(q: Vector) -> float:
     """Heading in radians of the body's x axis."""

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
+from contextlib import ExitStack
 
 from flightapp.autopilot.link import Px4Link
 from flightapp.channel import Reader, Topic
@@ -70,11 +71,10 @@ class Px4Rig:
             self.tracker: PoseSource = TopicPoses(link.odometry)
         else:
             self._socket = SocketPoses.at(config.sensors.pose_address, config.sensors.pose_max_age)
-            try:
+            with ExitStack() as failed:
+                failed.callback(self._socket.close)
                 link = Px4Link(config)
-            except BaseException:
-                self._socket.close()
-                raise
+                failed.pop_all()
             self.tracker = self._socket
         self.autopilot: Autopilot = link
         self.camera: FrameSource = Blind(config)

@@ -213,33 +213,23 @@ async def load(bus: Bus) -> None:
 
 
 async def health(rig: Rig, bus: Bus, config: Config, line: Line) -> None:
-    """Ages of topics and distance from the line → faults."""
+    """Silence of the autopilot and distance from the line → faults; the guard sees to commands and states."""
     ticker = Ticker(20.0)
     linked = True
     while True:
         stamp = await ticker.tick()
         status = rig.autopilot.status.latest
         silent = 0.0 if status is None or not status.armed else stamp - status.stamp
-        if linked != (silent <= config.link.lost_after):
-            linked = not linked
-            text = (
-                "link to the autopilot is back"
-                if linked
-                else f"link lost: nothing heard of the autopilot for {silent:.2f} s"
-            )
-            (bus.event if linked else bus.fault).publish(Event(stamp, "fault", text))
-        if fault := _flight_fault(stamp, bus, config, line):
-            bus.fault.publish(Event(stamp, "fault", fault))
-
-
-def _flight_fault(stamp: float, bus: Bus, config: Config, line: Line) -> str:
-    """What is wrong with a flight along the ``line``; empty where nothing is."""
-    state, setpoint = bus.state.latest, bus.setpoint.latest
-    if line.latest is None or state is None or setpoint is None:
-        return ""
-    if stamp - state.stamp > config.safety.state_timeout:
-        return f"state lost: {stamp - state.stamp:.2f} s old"
-    error = float(abs(setpoint.position - state.position).max())
-    if stamp - setpoint.stamp < 0.1 and error > config.safety.tracking_error:
-        return f"off the line by {error:.2f} m"
-    return ""
+        if linked and silent > config.link.lost_after:
+            linked = False
+            text = f"link lost: nothing heard of the autopilot for {silent:.2f} s"
+            bus.fault.publish(Event(stamp, "fault", text))
+        elif not linked and silent <= config.link.lost_after:
+            linked = True
+            bus.event.publish(Event(stamp, "fault", "link to the autopilot is back"))
+        state, setpoint = bus.state.latest, bus.setpoint.latest
+        if line.latest is None or state is None or setpoint is None or stamp - setpoint.stamp >= 0.1:
+            continue
+        error = float(abs(setpoint.position - state.position).max())
+        if error > config.safety.tracking_error:
+            bus.fault.publish(Event(stamp, "fault", f"off the line by {error:.2f} m"))

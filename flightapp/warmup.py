@@ -4,7 +4,7 @@ import numpy as np
 
 from flightapp.config import Config
 from flightapp.estimation.history import PoseHistory
-from flightapp.frames import quat_from_yaw
+from flightapp.frames import quat_from_yaw, quat_normalize, quat_rotate, quat_rotate_inverse
 from flightapp.interfaces import Limits, Motion, PlanRequest
 from flightapp.messages import GateEstimate, GateSighting, PoseSample
 from flightapp.perception.regions import expected_regions
@@ -16,7 +16,9 @@ AHEAD = np.array((6.0, 1.0, 1.5))
 
 def warm_up(config: Config, track: Track, spare: Modules) -> None:
     """Call each module once. They remember it: ``spare`` must not fly."""
-    rest, level = np.zeros(3), quat_from_yaw(0.0)
+    rest, level = np.zeros(3), quat_normalize(quat_from_yaw(0.0))
+    # What the link turns poses and odometry with.
+    quat_rotate_inverse(level, quat_rotate(level, rest))
     history = PoseHistory()
     state = None
     for stamp in (0.0, 0.005, 0.010):

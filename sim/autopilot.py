@@ -1,14 +1,12 @@
 """The model of PX4 as the application's autopilot, in the same process."""
 
 import asyncio
-import math
 from collections.abc import Callable
 
+from flightapp.autopilot.local_frame import SETTLING, LocalFrame
 from flightapp.autopilot.thrust import ThrustMap
-from flightapp.autopilot.vision import MOVED, SETTLING
 from flightapp.channel import Topic
 from flightapp.config import Config
-from flightapp.frames import Vector
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import AutopilotStatus, Event, FlightMode, PoseSample, RateCommand
 from sim.plant import Plant
@@ -55,9 +53,7 @@ class SimAutopilot:
         self._next_status = plant.time
         self._published = (-1, False)
         self._next_pose = plant.time
-        self._seen: Vector | None = None
-        self._origin: Vector | None = None
-        self._resets = 0
+        self._frame = LocalFrame(config.external_vision.jump)
         self._connected = False
 
     # The application's side.
@@ -74,7 +70,8 @@ class SimAutopilot:
         """Select PX4's takeoff to ``height`` m above the ground, which begins when armed; raises `AutopilotError`."""
         if not height > 0.0:
             raise AutopilotError(f"takeoff refused: the height must be positive, not {height} m")
-        await self._move_origin()
+        if self._frame.move():
+            await asyncio.sleep(SETTLING)
         self.px4.parameters.set("MIS_TAKEOFF_ALT", float(height))
         self._done("takeoff", self.px4.takeoff())
 
@@ -112,19 +109,8 @@ class SimAutopilot:
         if sample.stamp < self._next_pose - _EARLY:
             return
         self._next_pose = sample.stamp + POSE_PERIOD
-        self._seen = sample.position
-        if self._origin is None:
-            self._origin = sample.position
-        position = sample.position - self._origin
-        self.px4.external_vision(sample.stamp, position, sample.orientation, sample.velocity, self._resets)
-
-    async def _move_origin(self) -> None:
-        """Have PX4's local frame begin where the vehicle stands: without a global position it takes off over there."""
-        if self._origin is None or self._seen is None or math.dist(self._origin, self._seen) < MOVED:
-            return
-        self._origin = self._seen
-        self._resets += 1
-        await asyncio.sleep(SETTLING)
+        place = self._frame.take(sample)
+        self.px4.external_vision(sample.stamp, place, sample.orientation, sample.velocity, self._frame.resets)
 
     # The world's side.
 

@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -67,12 +67,11 @@ class RemoteWorld:
         )
         for end in theirs:
             end.close()
-        try:
+        with ExitStack() as failed:
+            failed.callback(self.close)
             self._control.send(order)
             self._receive(START_TIMEOUT)
-        except BaseException:
-            self.close()
-            raise
+            failed.pop_all()
 
     @property
     def process_id(self) -> int:
@@ -247,11 +246,10 @@ class MavlinkRig:
         self._gates = true_gates(track)
         origin = time.monotonic() - asyncio.get_running_loop().time()
         self.world = RemoteWorld(Order(config, track, seed, origin, remote))
-        try:
+        with ExitStack() as failed:
+            failed.callback(self.world.close)
             self.autopilot: Autopilot = Px4Link(config)
-        except BaseException:
-            self.world.close()
-            raise
+            failed.pop_all()
         self._truth = RemoteTruth(self.world)
         self._poses = SocketPoses(self.world.poses, config.sensors.pose_max_age)
         self.camera: FrameSource = RemoteCamera(config, self.world)

@@ -19,6 +19,7 @@ from flightapp.frames import (
     quat_normalize,
     quat_rotate,
     quat_rotate_inverse,
+    quat_to_euler,
     quat_to_matrix,
     quat_to_rotvec,
     quat_yaw,
@@ -165,3 +166,12 @@ def test_camera_tilted_up_looks_up(pitch_up: float) -> None:
 
 def test_camera_turned_left_looks_left() -> None:
     np.testing.assert_allclose(camera_mount(0.0, yaw=0.5 * math.pi) @ (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), atol=1e-12)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-1.55, 1.55), st.floats(-3.1, 3.1))
+def test_euler_angles_come_back(roll, pitch, yaw):
+    assert quat_to_euler(quat_from_euler(roll, pitch, yaw)) == pytest.approx((roll, pitch, yaw), abs=1e-6)
+
+
+def test_euler_angles_at_the_pole_are_finite():
+    assert quat_to_euler(quat_from_euler(0.0, 0.5 * math.pi, 0.0))[1] == pytest.approx(0.5 * math.pi, abs=1e-6)

@@ -21,11 +21,12 @@ from flightapp.autopilot.clock import RoundTrip
 from flightapp.autopilot.commands import AUTOPILOT, Command, Commander, StatusText
 from flightapp.autopilot.hover_thrust import HoverThrust
 from flightapp.autopilot.library import open_library
+from flightapp.autopilot.local_frame import SETTLING, LocalFrame
 from flightapp.autopilot.parameter_store import ParameterStore
 from flightapp.autopilot.receiver import Receiver, TimeRequest
 from flightapp.autopilot.telemetry import Identity
 from flightapp.autopilot.thrust import ThrustMap
-from flightapp.autopilot.vision import SETTLING, VisionEncoder
+from flightapp.autopilot.vision import VisionEncoder
 from flightapp.channel import Reader, Topic
 from flightapp.config import Config
 from flightapp.interfaces import AutopilotError
@@ -64,17 +65,18 @@ class Px4Link:
         self._flying = False
         self.send_failures = 0
         """Messages that could not be handed to the operating system."""
-        self._receiver = Receiver(config.link.system_id, self.status, self.odometry)
+        self._frame = LocalFrame(config.external_vision.jump)
+        self._receiver = Receiver(config.link.system_id, self.status, self.odometry, self._frame)
         self._receiver.texts.tap(self._on_text)
         self._receiver.reboots.tap(self._on_reboot)
         if config.external_vision.timesync:
             self._receiver.time_requests.tap(self._answer)
         self._thrust = ThrustMap.of(config.vehicle)
         self._hover = HoverThrust(config, self._thrust) if config.vehicle.learn_hover_thrust else None
+        self._late = config.guard.late
         self.status.tap(self._on_status)
-        self._vision = VisionEncoder(config.external_vision)
+        self._vision = VisionEncoder(config.external_vision, self._frame)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._system: System | None = None
         self._direct: MavlinkDirect | None = None
         self._commander: Commander | None = None
         self._parameters: ParameterStore | None = None
@@ -88,7 +90,7 @@ class Px4Link:
 
     async def connect(self) -> None:
         """Find the configured vehicle and ask for its telemetry; raises `AutopilotError`."""
-        system = self._system = await self._find()
+        system = await self._find()
         direct = MavlinkDirect(system)
         self._commander = Commander(direct, self._link.system_id)
         self._parameters = ParameterStore(Param(system))
@@ -141,7 +143,7 @@ class Px4Link:
 
     async def takeoff(self, height: float) -> None:
         """Select PX4's takeoff to ``height`` m above where the vehicle stands; it begins when armed."""
-        if self._vision.move_origin():
+        if self._frame.move():
             await asyncio.sleep(SETTLING)
         await self.parameters.write("MIS_TAKEOFF_ALT", float(height))
         nan = math.nan
@@ -195,7 +197,10 @@ class Px4Link:
         return self._receiver.rates()
 
     def send(self, command: RateCommand) -> None:
-        """Send one command at once."""
+        """Send one command at once, unless the process was held up since it was made.
+
+        What MAVSDK has in hand already when the process is stopped, within a tenth of a millisecond, can't be recalled.
+        """
         p, q, r = command.rates.tolist()
         throttle = self._thrust.throttle(float(command.thrust))
         if self._hover is not None and self._flying:
@@ -205,6 +210,9 @@ class Px4Link:
             f'"target_component":{AUTOPILOT},"type_mask":{IGNORE_ATTITUDE},"q":[1,0,0,0],"body_roll_rate":{p:.7g},'
             f'"body_pitch_rate":{-q:.7g},"body_yaw_rate":{-r:.7g},"thrust":{throttle:.7g},"thrust_body":[0,0,0]}}'
         )
+        if (age := self._loop.time() - command.stamp) > self._late:
+            self._notice(f"a command was held up for {age:.2f} s and is not sent")
+            return
         self._post(self._setpoint)
 
     def send_pose(self, sample: PoseSample) -> None:
@@ -217,8 +225,6 @@ class Px4Link:
         if self._hover is not None and (learnt := self._hover.observe(sample)) is not None:
             self._thrust.learn(learnt)
         fields = self._vision.encode(sample, int(1e6 * (sample.stamp + self._origin)))
-        if self._vision.origin is not None:
-            self._receiver.origin = self._vision.origin
         if fields is not None:
             self._pose.fields_json = fields
             self._post(self._pose)

@@ -5,11 +5,11 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
 from flightapp.autopilot.clock import ClockOffset
 from flightapp.autopilot.commands import AUTOPILOT, StatusText
+from flightapp.autopilot.local_frame import LocalFrame
 from flightapp.autopilot.mailbox import Mailbox
 from flightapp.autopilot.telemetry import Fields, Identity, StatusBoard, identity, number, odometry
 from flightapp.channel import Topic
@@ -30,9 +30,14 @@ class TimeRequest:
 
 
 class Receiver:
-    """Listens to the autopilot of one vehicle. Topics hold the newest value, which carries its stamp."""
+    """Listens to the autopilot of one vehicle. Topics hold the newest value, which carries its stamp.
 
-    def __init__(self, system_id: int, status: Topic[AutopilotStatus], poses: Topic[PoseSample]) -> None:
+    Its odometry, which is in the autopilot's local ``frame``, is told in the tracker's.
+    """
+
+    def __init__(
+        self, system_id: int, status: Topic[AutopilotStatus], poses: Topic[PoseSample], frame: LocalFrame
+    ) -> None:
         self._system_id = system_id
         self._loop = asyncio.get_running_loop()
         self.status = status
@@ -43,8 +48,7 @@ class Receiver:
         """Stamp of each reboot that was noticed."""
         self.identities: Topic[Identity] = Topic("identities")
         self.clock = ClockOffset()
-        self.origin = np.zeros(3)
-        """(3,) m, of the autopilot's local frame in the application's; its odometry is told in the latter."""
+        self._frame = frame
         self.refused = 0
         """Messages whose content could not be used: not finite, other frames, other fields."""
         self._board = StatusBoard()
@@ -102,7 +106,7 @@ class Receiver:
         if sample is None:
             self.refused += 1
         else:
-            self.odometry.publish(replace(sample, position=sample.position + self.origin))
+            self.odometry.publish(replace(sample, position=sample.position + self._frame.origin))
 
     def _on_timesync(self, stamp: float, fields: Fields) -> None:
         answered, asked = int(fields["tc1"]), int(fields["ts1"])

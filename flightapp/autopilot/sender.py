@@ -26,5 +26,5 @@ class SenderReport:
         )
 
     def entry(self) -> str:
-        """As JSON, for the header of the flight's log, from which summary.json takes it."""
-        return json.dumps({"ticks": asdict(self.ticks), "guard": asdict(self.guard)}, ensure_ascii=False)
+        """The guard's counts as JSON, for the header of the flight's log, from which summary.json takes them."""
+        return json.dumps({"guard": asdict(self.guard)}, ensure_ascii=False)

@@ -51,8 +51,9 @@ class Takeoff(Behavior):
         if left is not None:
             return Result(Outcome.WRONG_PROGRESS, f"the autopilot left the climb before its end: {left}")
         await self._take_command()
-        machine.go(Phase.FLYING, self.context.now(), "height reached")
-        return Result(Outcome.GOAL_ACHIEVED, f"hovering at {self._height:g} m")
+        machine.go(Phase.FLYING, self.context.now(), "the climb is over")
+        here = self.context.bus.state.latest or ground
+        return Result(Outcome.GOAL_ACHIEVED, f"hovering {here.position[2] - ground.position[2]:.1f} m above the ground")
 
     async def _arm(self) -> None:
         """Arm; the autopilot's checks may take a moment to notice that the position has become good."""

@@ -121,7 +121,7 @@ class Commands:
     def _arm(self, p: Sequence[float]) -> Reply:
         forced = round(p[1]) == FORCE if math.isfinite(p[1]) else False
         if p[0] == 1.0:
-            return self._px4.arm(forced)
+            return self._px4.arm()
         if p[0] == 0.0:
             return self._px4.kill() if forced else self._px4.disarm()
         self._tell(CRITICAL, f"Unsupported ARM_DISARM param: {p[0]:.3f}")

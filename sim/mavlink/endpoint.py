@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 
@@ -72,12 +73,11 @@ class MavlinkEndpoint:
 
     async def start(self) -> None:
         """Open all links and begin to stream; raises `BadInputError` for a port that can't be had."""
-        try:
+        with ExitStack() as failed:
             for line in self._lines:
                 line.socket.open()
-        except BaseException:
-            await self.close()
-            raise
+                failed.callback(line.socket.close)
+            failed.pop_all()
         self._tick()
 
     async def close(self) -> None:

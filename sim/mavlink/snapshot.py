@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from functools import cached_property
 
-from flightapp.frames import Vector, flip_yz
+from flightapp.frames import Vector, flip_yz, quat_to_euler
 from sim.px4.estimator import Estimate
 from sim.px4.model import Px4
 from sim.px4.modes import NavState
@@ -62,11 +62,10 @@ class Snapshot:
     @cached_property
     def euler(self) -> Numbers:
         """rad, roll, pitch and yaw of body FRD in NED."""
-        w, x, y, z = self.orientation
-        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        sine = 2.0 * (w * y - z * x)
-        pitch = math.nan if math.isnan(sine) else math.asin(min(max(sine, -1.0), 1.0))
-        return roll, pitch, math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        if self._unknown:
+            return (math.nan,) * 3
+        roll, pitch, yaw = quat_to_euler(self.estimate.orientation)
+        return roll, -pitch, -yaw
 
     @cached_property
     def specific_force(self) -> Numbers:

@@ -131,8 +131,8 @@ class Px4:
 
     # Commands. A refusal's text says why, also where PX4 itself sends no text; what it does send stands in `texts`.
 
-    def arm(self, force: bool = False) -> Reply:
-        """Arm in the intended mode; ``force`` changes nothing, as for any command from outside."""
+    def arm(self) -> Reply:
+        """Arm in the intended mode. A command from outside that forces it passes the same checks."""
         if self.booting:
             return refused("booting")
         now, was = self._time(), self.armed

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import mavlink_peer as px4
@@ -32,6 +33,7 @@ class Vehicle(px4.Peer):
 
     def __init__(self, port, fails_safe):
         self.arrivals, self.landing_at = [], None
+        self.at_next_arrival = lambda: None
         self._fails_safe = fails_safe
         super().__init__(port)
         self.mode, self.armed = px4.OFFBOARD, True
@@ -46,6 +48,8 @@ class Vehicle(px4.Peer):
     def _answer(self, message):
         if message.get_type() == "SET_ATTITUDE_TARGET":
             self.arrivals.append(time.monotonic())
+            act, self.at_next_arrival = self.at_next_arrival, lambda: None
+            act()
         else:
             super()._answer(message)
 
@@ -67,13 +71,12 @@ class Sender:
         self._lines = queue.Queue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        try:
+        with ExitStack() as failed:
+            failed.callback(self.__exit__)
             self.expect("flying")
             time.sleep(0.5)
             assert np.median(np.diff(self.vehicle.arrivals[-50:])) < 0.008, "it sends at 250 Hz"
-        except BaseException:
-            self.__exit__()
-            raise
+            failed.pop_all()
 
     def __enter__(self):
         return self
@@ -100,6 +103,12 @@ class Sender:
         now = time.monotonic()
         os.kill(self.process.pid, number)
         return now
+
+    def stop_between_commands(self):
+        """Stop the process while no command is on its way, and the time of that."""
+        self.vehicle.at_next_arrival = lambda: self.signal(signal.SIGSTOP)
+        time.sleep(0.1)
+        return self.vehicle.arrivals[-1]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
@@ -134,7 +143,7 @@ def test_the_stream_ends_while_the_interpreter_is_held_and_the_landing_is_not_di
 
 def test_a_process_that_wakes_does_not_take_what_piled_up_meanwhile_for_news():
     with Sender("0") as sender:
-        began = sender.signal(signal.SIGSTOP)
+        began = sender.stop_between_commands()
         time.sleep(2.0)
         sender.signal(signal.SIGCONT)
         time.sleep(1.0)

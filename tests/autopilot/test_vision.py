@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flightapp.autopilot.local_frame import LocalFrame
 from flightapp.autopilot.telemetry import odometry
 from flightapp.autopilot.vision import VisionEncoder
 from flightapp.config import load_config
@@ -19,15 +20,17 @@ def sample(stamp=0.0, position=(1.0, 2.0, 3.0), yaw=0.3, velocity=(0.4, -0.5, 0.
     return PoseSample(stamp, np.array(position), orientation, np.array(velocity), np.array((0.1, 0.2, 0.3)), confidence)
 
 
-def encoder(**settings):
-    return VisionEncoder(load_config(None, {f"external_vision.{k}": v for k, v in settings.items()}).external_vision)
+def encoder(frame=None, **settings):
+    config = load_config(None, {f"external_vision.{k}": v for k, v in settings.items()}).external_vision
+    return VisionEncoder(config, frame or LocalFrame(config.jump))
 
 
 @given(st.tuples(*[st.floats(-50.0, 50.0)] * 3), st.floats(-3.1, 3.1), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 def test_what_is_sent_as_odometry_reads_back_as_it_was(position, yaw, velocity):
     pose = sample(position=position, yaw=yaw, velocity=velocity)
-    vision = encoder()
-    vision.origin = np.zeros(3)
+    frame = LocalFrame(math.inf)
+    frame.take(sample(position=(0.0, 0.0, 0.0)))
+    vision = encoder(frame)
     fields = json.loads(vision.encode(pose, 123))
     assert (fields["frame_id"], fields["child_frame_id"], fields["time_usec"]) == (1, 12, 123)
     assert math.hypot(*fields["q"]) == pytest.approx(1.0, abs=1e-7)
@@ -39,15 +42,16 @@ def test_what_is_sent_as_odometry_reads_back_as_it_was(position, yaw, velocity):
 
 
 def test_the_origin_is_where_the_vehicle_stands_and_moves_with_a_reset_that_is_told():
-    vision = encoder()
-    assert not vision.move_origin()
+    frame = LocalFrame(0.3)
+    vision = encoder(frame)
+    assert not frame.move()
     first = json.loads(vision.encode(sample(stamp=0.0), 0))
     assert (first["x"], first["y"], first["z"], first["reset_counter"]) == (0.0, 0.0, 0.0, 0)
     later = json.loads(vision.encode(sample(stamp=1.0, position=(1.5, 1.8, 3.3)), 0))
     assert (later["x"], later["y"], later["z"]) == pytest.approx((0.5, 0.2, -0.3))
-    resets = vision.resets
-    assert vision.move_origin()
-    assert not vision.move_origin()
+    resets = frame.resets
+    assert frame.move()
+    assert not frame.move()
     moved = json.loads(vision.encode(sample(stamp=2.0, position=(1.5, 1.8, 3.4)), 0))
     assert (moved["x"], moved["y"], moved["z"]) == pytest.approx((0.0, 0.0, -0.1))
     assert moved["reset_counter"] == resets + 1
@@ -58,8 +62,9 @@ def test_the_frame_follows_the_configured_message():
 
 
 def test_position_estimates_carry_ned_angles():
-    vision = encoder(message="position")
-    vision.origin = np.zeros(3)
+    frame = LocalFrame(math.inf)
+    frame.take(sample(position=(0.0, 0.0, 0.0)))
+    vision = encoder(frame, message="position")
     assert vision.name == "VISION_POSITION_ESTIMATE"
     fields = json.loads(vision.encode(sample(), 5))
     assert (fields["x"], fields["y"], fields["z"], fields["usec"]) == (1.0, -2.0, -3.0, 5)
@@ -83,21 +88,23 @@ def test_poses_at_200_hz_are_thinned_to_the_configured_rate():
 
 
 def test_a_jump_is_counted_and_told():
-    vision = encoder()
+    frame = LocalFrame(0.3)
+    vision = encoder(frame)
     vision.encode(sample(stamp=0.0), 0)
     vision.encode(sample(stamp=0.005), 0)
-    assert vision.resets == 0
+    assert frame.resets == 0
     fields = json.loads(vision.encode(sample(stamp=0.1, position=(2.0, 2.0, 3.0)), 0))
-    assert (vision.resets, fields["reset_counter"]) == (1, 1)
+    assert (frame.resets, fields["reset_counter"]) == (1, 1)
 
 
 def test_fast_flight_is_no_jump():
-    vision = encoder()
+    frame = LocalFrame(0.3)
+    vision = encoder(frame)
     for k in range(200):
         t = k / 200.0
         vision.encode(sample(stamp=t, position=(20.0 * t, 0.0, 1.0), velocity=(20.0, 0.0, 0.0)), 0)
     vision.encode(sample(stamp=1.2, position=(24.0, 0.0, 1.0), velocity=(20.0, 0.0, 0.0)), 0)  # after a gap
-    assert vision.resets == 0
+    assert frame.resets == 0
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,13 +92,12 @@ class Flight:
         self.shift, self.confidence, self.tracking = np.zeros(3), None, True
         self.moments = []
         self._running, self._lock = True, threading.Lock()
-        try:
+        with ExitStack() as failed:
+            failed.callback(self._end_application)
             config = load_config(None, {"sim.faults": faults}, given)
             track = load_track(directory / "track.toml")
             self._world = RemoteWorld(Order(config, track, 7, time.monotonic(), ("127.0.0.1", link)))
-        except BaseException:
-            self._end_application()
-            raise
+            failed.pop_all()
         self._threads = [threading.Thread(target=work) for work in (lambda: self._track(poses), self._watch)]
         for thread in self._threads:
             thread.start()
