@@ -155,7 +155,7 @@ def _wire(
             "detection": tasks.detection(rig, bus, modules, config, known),
             "estimation": tasks.estimation(rig, bus, modules.estimator),
             "mapping": tasks.mapping(rig, bus, modules.mapper),
-            "planning": tasks.planning(rig, bus, modules, config, known, line),
+            "planning": tasks.planning(rig, bus, modules, config, line),
             "control": tasks.control(rig, bus, modules, line, ticker),
             "health": tasks.health(rig, bus, config, line),
         }
@@ -189,7 +189,7 @@ def choose_modules(config: Config, track: Track, camera: CameraModel) -> tasks.M
         gate_pose=GatePoseSolver(config, track, camera),
         estimator=find("estimators", config.estimation.estimator)(config),
         mapper=SlamMapper(config, track, tasks.now()),
-        navigator=Navigator(config),
+        navigator=Navigator(config, track),
         planner=find("planners", config.planning.planner)(config),
         controller=find("controllers", config.control.controller)(config),
         guard=CommandGuard(config),

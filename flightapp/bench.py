@@ -1,5 +1,6 @@
 """Computation times on this computer, beside the paper's profiling table."""
 
+import itertools
 import math
 import os
 import platform
@@ -176,12 +177,21 @@ def _planning() -> Iterator[Row]:
     for points, count in ((6, 300), (14, 200), (26, 100), (1000, 3)):
         request, waypoints = _course(points)
         yield measure(f"plan_{points}", lambda r=request, w=waypoints: planner.through(w, r), count)  # type: ignore[misc]
-    request, waypoints = _course(26)
+    yield measure("replan_26", _replans(planner, 26), 300)
+
+
+def _replans(planner: PolynomialPlanner, points: int) -> Callable[[], Trajectory]:
+    """Plans anew along the first leg, each time from further on and with points that moved by centimetres."""
+    request, waypoints = _course(points)
     plan = planner.through(waypoints, request)
-    moving = plan.setpoint(plan.stamp + 0.3 * float(plan.knots[1]))
-    motion = Motion(moving.position, moving.velocity, moving.acceleration, moving.jerk, moving.yaw, moving.yaw_rate)
-    again = PlanRequest(moving.stamp, motion, (), request.end, request.limits)
-    yield measure("replan_26", lambda: planner.through(waypoints, again), 100)
+    generator, first_leg, asked = np.random.default_rng(0), float(plan.knots[2]), []
+    for share in np.linspace(0.1, 0.6, 20):
+        s = plan.setpoint(plan.stamp + share * first_leg)
+        motion = Motion(s.position, s.velocity, s.acceleration, s.jerk, s.yaw, s.yaw_rate)
+        moved = waypoints + generator.normal(0.0, 0.02, waypoints.shape)
+        asked.append((moved, PlanRequest(s.stamp, motion, (), request.end, request.limits)))
+    turns = itertools.cycle(asked)
+    return lambda: planner.through(*next(turns))
 
 
 def _perception() -> Iterator[Row]:

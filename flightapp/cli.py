@@ -12,7 +12,7 @@ import cv2
 import typer
 from rich.console import Console
 
-from flightapp import app, display, results
+from flightapp import app, display, plan_command, results
 from flightapp.autopilot.diagnosis import Light, diagnosis_json, diagnosis_tables
 from flightapp.autopilot.doctor import Change, Confirm, visit
 from flightapp.autopilot.link import Px4Link
@@ -20,9 +20,11 @@ from flightapp.autopilot.params_file import write_params
 from flightapp.autopilot.wanted_parameters import Profile, wanted_parameters
 from flightapp.bench import bench_table, run_bench
 from flightapp.config import dump_config, load_config
+from flightapp.evaluation.planned import plan_json, plan_tables
 from flightapp.evaluation.summary import why_failed
-from flightapp.evaluation.tables import terminal_tables
+from flightapp.evaluation.tables import rich_table, terminal_tables
 from flightapp.inputs import BadInputError
+from flightapp.interfaces import PlanningError
 from flightapp.mission.loader import load_mission
 from flightapp.modules import find
 from flightapp.track import load_track
@@ -142,6 +144,39 @@ def bench(json_file: JsonFile = None) -> None:
 
 
 @cli.command()
+def plan(
+    track: Annotated[Path, typer.Argument(help="a track, such as missions/tracks/five_gates.toml")],
+    planner: Annotated[str | None, typer.Option(help="instead of planning.planner")] = None,
+    v_max: Annotated[float | None, typer.Option("--v-max", help="m/s, or inf, instead of race.v_max")] = None,
+    a_max: Annotated[float | None, typer.Option("--a-max", help="m/s², or inf, instead of race.a_max")] = None,
+    laps: Annotated[int | None, typer.Option(min=1, help="instead of mission.laps")] = None,
+    vehicle: Vehicle = None,
+    overrides: Overrides = None,
+    out: Annotated[
+        list[Path] | None, typer.Option(help="FILE.csv, FILE.mcap or FILE.html; may be given several times")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Hz, of samples in FILE.csv; default: its polynomials")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Plan without flying, and draw the line; exit status 1 if there is no plan that could be flown."""
+    plan_command.check_outputs(out or (), rate)
+    options = plan_command.PlanOptions(track, planner, v_max, a_max, laps, vehicle, tuple(overrides or ()))
+    try:
+        planned = plan_command.plan_track(options)
+    except PlanningError as error:
+        Console(stderr=True).print(f"no plan: {error}", style="red", highlight=False, markup=False, soft_wrap=True)
+        raise typer.Exit(1) from None
+    console.print(*map(rich_table, plan_tables(planned)), sep="\n")
+    page = Path("runs") / f"plan-{track.stem}.html"
+    for path in plan_command.write_plan(planned, out or (), rate, page):
+        console.print(f"written: {path}", highlight=False, soft_wrap=True)
+    _write_json(json_file, plan_json(planned))
+    if touch := plan_command.touch_of(planned):
+        console.print(f"not to be flown: {touch}", style="red", highlight=False, markup=False)
+        raise typer.Exit(1)
+
+
+@cli.command()
 def doctor(
     connect: Annotated[
         str | None, typer.Option("--connect", help="udpin://HOST:PORT or serial:///dev/NAME:BAUD")
@@ -216,8 +251,12 @@ def _confirm(yes: bool) -> Confirm:
 
 
 def _write_json(path: Path | None, result: dict[str, Any]) -> None:
-    if path is not None:
+    if path is None:
+        return
+    try:
         path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise BadInputError(f"--json {path}: cannot be written: {error.strerror or error}") from None
 
 
 def main() -> None:

@@ -48,6 +48,10 @@ class Vehicle(Section):
     rate_max: Finite = Field(6.0, gt=0.5, le=30.0, description="rad/s, greatest roll and pitch rate commanded")
     yaw_rate_max: Finite = Field(3.0, gt=0.2, le=15.0, description="rad/s, greatest yaw rate commanded")
     radius: Finite = Field(0.2, gt=0.02, le=2.0, description="m, of the smallest ball around the vehicle")
+    mass: Finite = Field(0.8, gt=0.01, le=50.0, description="kg, for single rotors as inertia, rotor and torque_ratio")
+    inertia: Triple = Field((0.0025, 0.0021, 0.0043), description="kg m² about the body axes")
+    rotor: tuple[Finite, Finite] = Field((0.075, 0.1), description="m, rotors ahead of and beside the centre of mass")
+    torque_ratio: Finite = Field(0.022, gt=0.0, le=0.5, description="m, a rotor's reaction torque over its thrust")
 
     @property
     def thrust_max(self) -> float:
@@ -137,11 +141,27 @@ class Planning(Section):
     replan_distance: Finite = Field(0.05, gt=0.0, le=2.0, description="m, a gate that moved this far is planned anew")
     replan_interval: Finite = Field(0.15, ge=0.0, le=5.0, description="s, least time between plans")
     horizon: int = Field(8, ge=2, le=100, description="gates ahead that are planned; the others follow as these pass")
-    free_knots: int = Field(2, ge=1, le=4, description="points per leg between gates that the planner may move")
     crossing_deg: Finite = Field(25.0, ge=5.0, le=60.0, description="°, angle to a gate's normal to stay within")
     thrust_share: Finite = Field(0.9, gt=0.1, le=1.0, description="of the vehicle's full thrust that plans may use")
     rate_share: Finite = Field(0.6, gt=0.1, le=1.0, description="of vehicle.rate_max that plans may use")
+    clearance: Finite = Field(
+        0.3, ge=0.0, le=10.0, description="m beyond vehicle.radius that plans keep from obstacles"
+    )
+    frame_clearance: Finite = Field(0.05, ge=0.0, le=2.0, description="m beyond vehicle.radius, from gates' frames")
+    gate_margin: Finite = Field(
+        0.3, ge=0.0, le=5.0, description="m from a gate's centre that race lines may use at most"
+    )
+    waypoint_radius: Finite = Field(0.0, ge=0.0, le=5.0, description="m from waypoints within which race lines pass")
+    tilt_max_deg: Finite = Field(180.0, gt=5.0, le=180.0, description="°, greatest tilt of race lines; 180 for any")
+    yaw: Literal["gates", "path", "fixed"] = Field(
+        "gates", description="look at the next gate, along the path, or hold"
+    )
     yaw_acceleration: Finite = Field(10.0, gt=0.1, le=100.0, description="rad/s², greatest of the planned heading")
+    screen: bool = Field(True, description="fly each plan in a forward simulation before it is accepted")
+    screen_error: Finite = Field(0.4, gt=0.01, le=5.0, description="m off the line in it that make a plan infeasible")
+    pace_min: Finite = Field(0.6, gt=0.1, le=1.0, description="least share of the planned speed; 1 never slows down")
+    pace_sigmas: Finite = Field(2.0, gt=0.0, le=10.0, description="standard deviations of a gate its opening must hold")
+    pace_ahead: Finite = Field(2.0, gt=0.0, le=20.0, description="s before a gate from which its uncertainty counts")
 
 
 class Control(Section):
@@ -273,6 +293,7 @@ class Simulation(Section):
 
     vehicle: str = Field("racer", description="a vehicle of sim/vehicles.toml")
     camera: Literal["rendered", "corners"] = Field("rendered", description="images, or corners without images")
+    survey: Literal["rough", "exact"] = Field("rough", description="gates off as the track's uncertainty says, or not")
     tracker: Literal["t265", "ideal"] = Field("t265", description="T265 model, or the truth with no delay")
     wind: Finite = Field(0.0, ge=0.0, le=15.0, description="m/s, mean wind")
     gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")

@@ -45,7 +45,7 @@ def validate(model: type[M], data: dict[str, Any], source: str | Callable[[Locat
 
 def _describe(model: type[BaseModel], problem: dict[str, Any]) -> str:
     location: Location = problem["loc"]
-    key = ".".join(str(part) for part in location)
+    key = ".".join(str(part) for part in location if not _is_kind(part))
     if problem["type"] == "extra_forbidden":
         known = _fields(model, location[:-1])
         return f"unknown key '{key}'{_nearest(str(location[-1]), known)}"
@@ -65,16 +65,25 @@ def _nearest(key: str, known: list[str]) -> str:
     return f"; known here: {', '.join(known)}" if known else ""
 
 
+def _is_kind(part: str | int) -> bool:
+    """Whether a location's part is not a key but tells, as "(name)", which of several models was meant there."""
+    return isinstance(part, str) and part.startswith("(")
+
+
 def _fields(model: type[BaseModel], path: Location) -> list[str]:
+    models = [model]
     for part in path:
         if isinstance(part, int):
             continue
-        if part not in model.model_fields:
-            return []
-        annotation = model.model_fields[part].annotation
-        candidates = [annotation, *get_args(annotation)]
-        nested = [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]
-        if not nested:
-            return []
-        model = nested[0]
-    return list(model.model_fields)
+        if _is_kind(part):
+            models = [m for m in models if m.__name__.lower() == part.strip("()")]
+        else:
+            field = models[0].model_fields.get(part) if models else None
+            models = _models(field.annotation) if field else []
+    return list(models[0].model_fields) if models else []
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _models(part)]

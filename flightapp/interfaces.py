@@ -29,7 +29,7 @@ from flightapp.messages import (
     VehicleState,
 )
 from flightapp.perception.camera import CameraModel
-from flightapp.track import Track
+from flightapp.track import Box, Cylinder, GateShape, Track
 from flightapp.trajectory import Trajectory
 
 T = TypeVar("T")
@@ -81,12 +81,12 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a plan must keep to."""
+    """What a plan must keep to, besides what the vehicle can do."""
 
     v_max: float
-    """m/s, length of the velocity vector."""
+    """m/s, length of the velocity vector; infinite for no limit."""
     a_max: float
-    """m/s², length of the acceleration vector."""
+    """m/s², length of the acceleration vector; infinite for no limit."""
     yaw_rate_max: float
     """rad/s."""
 
@@ -104,6 +104,12 @@ class PlanRequest:
     limits: Limits
     look_at: Vector | None = None
     """(3,) m, what the camera should watch after the last gate; None to look along the path."""
+    arrival: Vector | None = None
+    """(3, 3) velocity, acceleration and jerk with which to arrive at `end`; None to rest there."""
+    shape: GateShape | None = None
+    """Of the gates; None where only their centres are known to be free."""
+    obstacles: tuple[Box | Cylinder, ...] = ()
+    """What to keep clear of."""
 
 
 class PlanningError(Exception):

@@ -125,6 +125,8 @@ class GateEstimate:
     sightings: int
     last_seen: float
     """Stamp of the last sighting used; -inf before the first."""
+    surveyed: bool = False
+    """Whether the survey alone says well enough where it is to fly through it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Finding modules by name: entry points, so that another package can add one."""
 
+import difflib
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -11,6 +12,13 @@ def find(kind: str, name: str) -> Any:
     group = entry_points(group=f"flightapp.{kind}")
     for entry in group:
         if entry.name == name:
-            return entry.load()
-    known = ", ".join(sorted(entry.name for entry in group))
-    raise BadInputError(f"there is no '{name}' among the {kind}; known: {known}")
+            try:
+                return entry.load()
+            except ImportError as error:
+                raise BadInputError(
+                    f"'{name}' of the {kind} cannot be loaded: {error}; install what it needs"
+                ) from None
+    known = sorted(entry.name for entry in group)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f"did you mean '{close[0]}'? " if close else ""
+    raise BadInputError(f"there is no '{name}' among the {kind}; {hint}known: {', '.join(known)}")

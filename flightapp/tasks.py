@@ -1,6 +1,8 @@
 """The whole data flow on one page: each task awaits its input, calls one algorithm, publishes the result."""
 
 import asyncio
+import contextlib
+import math
 import resource
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,17 +16,20 @@ from flightapp.config import Config
 from flightapp.estimation.history import PoseHistory
 from flightapp.frames import Vector
 from flightapp.interfaces import Controller, Detector, Estimator, Mapper, Planner, PlanningError, PlanRequest, Rig
-from flightapp.messages import Event, Frame, GateEstimate, PlanReport, ProcessLoad, RateCommand, Sightings, VehicleState
+from flightapp.messages import Event, Frame, PlanReport, ProcessLoad, RateCommand, Sightings, VehicleState
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.regions import expected_regions
-from flightapp.planning.clearance import touched_frame
+from flightapp.planning.answer import Answerer
 from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
 from flightapp.realtime import resident
 from flightapp.timing import Ticker
-from flightapp.track import GateShape, Track
+from flightapp.track import Track
 from flightapp.trajectory import Trajectory
+
+LOOK = 0.1
+"""s, longest time between looks at the pace of what is flown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,57 +108,64 @@ async def mapping(rig: Rig, bus: Bus, mapper: Mapper) -> None:
             bus.gate_map.publish(gate_map)
 
 
-async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, track: Track, line: Line) -> None:
-    """Goal and gate map → trajectory, when either has changed enough."""
+async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, line: Line) -> None:
+    """Goal and gate map → trajectory, when either has changed enough, and the pace at which it is flown."""
     changed = asyncio.Event()
     bus.goal.tap(lambda _: changed.set())
     bus.gate_map.tap(lambda _: changed.set())
+    answerer = Answerer(config, modules.planner, modules.navigator.pacer)
     while True:
-        await changed.wait()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(changed.wait(), LOOK)
         changed.clear()
         goal = bus.goal.latest
         if goal is None or line.latest is None:
             continue
         request = modules.navigator.request(now(), goal, bus.gate_map.latest, line)
-        if request is None:
-            continue
-        asked = now()
-        try:
-            gates = modules.navigator.known(bus.gate_map.latest)
-            work = partial(_plan, modules.planner, goal, request, gates, track.gate, config.vehicle.radius)
-            trajectory = await rig.worker.run("plan", work)
-        except PlanningError as error:
-            modules.navigator.took(now() - asked)
-            bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
-            continue
-        modules.navigator.took(now() - asked)
-        if line.latest is None:
-            bus.plan.publish(PlanReport(asked, now() - asked, False, "the line was given up meanwhile"))
-            continue
-        if now() > trajectory.stamp:
-            late = now() - trajectory.stamp
-            bus.plan.publish(PlanReport(asked, now() - asked, False, f"late by {late:.3f} s"))
-            continue
-        modules.navigator.accepted(goal, request)
-        line.accept(trajectory)
-        bus.trajectory.publish(trajectory)
-        bus.plan.publish(PlanReport(asked, now() - asked, True, ""))
+        if request is not None:
+            asked = now()
+            try:
+                await _plan(rig, bus, modules, answerer, goal, request, line)
+            except PlanningError as error:
+                bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
+        if line.latest is not None:
+            _repace(rig, bus, modules.navigator, goal, line)
 
 
-def _plan(
-    planner: Planner,
-    goal: Goal,
-    request: PlanRequest,
-    gates: Sequence[GateEstimate],
-    shape: GateShape,
-    radius: float,
-) -> Trajectory:
-    if goal.waypoints is not None:
-        return planner.through(goal.waypoints, request)
-    trajectory = planner.plan(request)
-    if touched := touched_frame(trajectory, gates, shape, radius):
-        raise PlanningError(f"leads into the frame of gate {touched.gate_id}")
-    return trajectory
+async def _plan(
+    rig: Rig, bus: Bus, modules: Modules, answerer: Answerer, goal: Goal, request: PlanRequest, line: Line
+) -> None:
+    """Answer ``request`` and fly on with it; raises `PlanningError`."""
+    navigator, asked = modules.navigator, now()
+    gates = navigator.known(bus.gate_map.latest)
+    try:
+        work = partial(answerer.answer, goal, request, gates, navigator.rate, navigator.has_time)
+        choice = await rig.worker.run("plan", work)
+    finally:
+        navigator.took(now() - asked)
+    if line.latest is None:
+        raise PlanningError("the line was given up meanwhile")
+    if now() > choice.flown.stamp:
+        raise PlanningError(f"late by {now() - choice.flown.stamp:.3f} s")
+    if detour := navigator.detour(goal, request, choice, line):
+        raise PlanningError(detour)
+    line.accept(choice.flown)
+    navigator.accepted(goal, request, choice)
+    bus.trajectory.publish(choice.flown)
+    bus.plan.publish(PlanReport(asked, now() - asked, True, ""))
+
+
+def _repace(rig: Rig, bus: Bus, navigator: Navigator, goal: Goal, line: Line) -> None:
+    """Fly on faster or slower along the same plan, where that is wanted."""
+    status = rig.autopilot.status.latest
+    voltage = status.voltage if status is not None else math.nan
+    change = navigator.repace(now(), goal, bus.gate_map.latest, line, voltage)
+    if change is not None:
+        choice, text = change
+        line.accept(choice.flown)
+        navigator.repaced(choice)
+        bus.trajectory.publish(choice.flown)
+        bus.event.publish(Event(now(), "plan", text))
 
 
 async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Ticker) -> None:

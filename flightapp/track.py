@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from flightapp.frames import Vector
 from flightapp.inputs import read_toml, validate
@@ -18,6 +18,9 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]
 Length = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 FORBID = ConfigDict(extra="forbid", frozen=True)
+
+FRAME_THICKNESS = 0.08
+"""m, of a gate's frame along the direction of passage."""
 
 
 class MarkerLayout(StrEnum):
@@ -121,6 +124,40 @@ class Box(BaseModel):
     centre: Point
     size: tuple[Length, Length, Length]
 
+    def holds(self, point: Point) -> bool:
+        """Whether ``point`` (m) is inside."""
+        return all(abs(p - c) < 0.5 * side for p, c, side in zip(point, self.centre, self.size, strict=True))
+
+
+class Cylinder(BaseModel):
+    """An upright solid cylinder, such as a pillar."""
+
+    model_config = FORBID
+
+    name: str
+    base: Point
+    """m, the middle of its foot."""
+    radius: Length
+    height: Length
+
+    def holds(self, point: Point) -> bool:
+        """Whether ``point`` (m) is inside."""
+        x, y, z = (p - b for p, b in zip(point, self.base, strict=True))
+        return math.hypot(x, y) < self.radius and 0.0 < z < self.height
+
+
+def _kind(entry: object) -> str:
+    """Which obstacle an entry is meant to be, so that what is wrong with it is told of that kind alone."""
+    if isinstance(entry, dict):
+        return "(cylinder)" if entry.keys() & {"base", "radius", "height"} else "(box)"
+    return "(cylinder)" if isinstance(entry, Cylinder) else "(box)"
+
+
+Obstacle = Annotated[
+    Annotated[Box, Tag("(box)")] | Annotated[Cylinder, Tag("(cylinder)")],
+    Discriminator(_kind),
+]
+
 
 class Track(BaseModel):
     """Where to fly."""
@@ -134,7 +171,7 @@ class Track(BaseModel):
     waypoints: tuple[Point, ...] = ()
     finish: Point | None = None
     uncertainty: Uncertainty = Uncertainty()
-    obstacles: tuple[Box, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> "Track":
@@ -171,6 +208,22 @@ class Track(BaseModel):
                 )
         if self.start.position[2] < 0.0:
             raise ValueError(f"the start is underground: z = {self.start.position[2]:.2f} m")
+        return self
+
+    @model_validator(mode="after")
+    def _free_of_obstacles(self) -> "Track":
+        names = [obstacle.name for obstacle in self.obstacles]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"the obstacle name '{name}' is used twice; give each obstacle its own name")
+        places = {"the start": self.start.position}
+        places |= {f"the centre of gate {gate.id}": gate.position for gate in self.gates}
+        places |= {f"waypoint {i}": point for i, point in enumerate(self.waypoints)}
+        places |= {"the finish": self.finish} if self.finish else {}
+        for obstacle in self.obstacles:
+            for place, point in places.items():
+                if obstacle.holds(point):
+                    raise ValueError(f"{place} is inside the obstacle '{obstacle.name}'; move one of them")
         return self
 
 

@@ -1,15 +1,18 @@
 """A trajectory: piecewise polynomials of degree 7 for the position and cubics for the yaw."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from flightapp.frames import Vector
+from flightapp.frames import GRAVITY, Vector
 from flightapp.jit import kernel
 from flightapp.messages import Setpoint
 
 ORDER = 8
 """Coefficients per axis and segment, ascending powers of the time since the segment's start."""
+PEAK_STEP = 2e-3
+"""s between the moments at which peaks are looked for."""
 
 
 @kernel
@@ -66,6 +69,73 @@ def evaluate_many(
     for i in range(times.size):
         evaluate(knots, coefficients, yaw_knots, yaw_coefficients, times[i], out[i])
     return out
+
+
+@kernel
+def _peaks(knots: Vector, coefficients: Vector, step: float) -> Vector:
+    """(7,) peaks in the order of `Peaks`, up to the tilt, from samples at most ``step`` s apart in each segment.
+
+    Both ends of each segment belong to it, so that what jumps at a knot is seen on both sides.
+    """
+    out = np.zeros(7)
+    out[4] = math.inf
+    lowest = 1.0
+    for i in range(knots.size - 1):
+        duration = knots[i + 1] - knots[i]
+        count = max(1, math.ceil(duration / step))
+        for sample in range(count + 1):
+            s = duration * sample / count
+            vv = aa = jj = af = jf = 0.0
+            up = 0.0
+            for axis in range(3):
+                c = coefficients[i, axis]
+                p = v = a = j = 0.0
+                for k in range(ORDER - 1, -1, -1):
+                    j = j * s + 3.0 * a
+                    a = a * s + 2.0 * v
+                    v = v * s + p
+                    p = p * s + c[k]
+                vv, aa, jj = vv + v * v, aa + a * a, jj + j * j
+                force = a + (GRAVITY if axis == 2 else 0.0)
+                af, jf, up = af + force * force, jf + j * force, force
+            force = max(math.sqrt(af), 1e-9)
+            across = math.sqrt(max(jj - (jf / force) ** 2, 0.0))
+            out[0], out[1], out[2] = max(out[0], vv), max(out[1], aa), max(out[2], jj)
+            out[3], out[4] = max(out[3], force), min(out[4], force)
+            out[5] = max(out[5], across / force)
+            lowest = min(lowest, up / force)
+    for k in range(3):
+        out[k] = math.sqrt(out[k])
+    out[6] = math.acos(max(lowest, -1.0))
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """What a trajectory asks of the vehicle at most.
+
+    The specific force, the body rate and the tilt are those of a vehicle without drag (differential flatness:
+    D. Mellinger and V. Kumar, 2011).
+    """
+
+    speed: float
+    """m/s."""
+    acceleration: float
+    """m/s²."""
+    jerk: float
+    """m/s³."""
+    specific_force: float
+    """m/s², with gravity, the greatest."""
+    specific_force_min: float
+    """m/s², the least."""
+    body_rate: float
+    """rad/s of roll and pitch together: the jerk across the specific force, over the specific force."""
+    tilt: float
+    """rad, of the specific force from the vertical."""
+    yaw_rate: float
+    """rad/s."""
+    yaw_acceleration: float
+    """rad/s²."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,11 +200,27 @@ class Trajectory:
             rows[..., 16],
         )
 
+    def limits(self, step: float = PEAK_STEP) -> Peaks:
+        """Peaks over samples at most ``step`` s apart and over all knots; those of the yaw are exact."""
+        moving = _peaks(self.knots, self.coefficients, float(step))
+        return Peaks(*moving.tolist(), *_yaw_peaks(self.yaw_knots, self.yaw_coefficients))
+
     def setpoint(self, stamp: float) -> Setpoint:
         """The reference at ``stamp``."""
         out = np.empty(17)
         evaluate(*self._pieces, stamp - self.stamp, out)
         return Setpoint(stamp, out[0:3], out[3:6], out[6:9], out[9:12], float(out[15]), float(out[16]))
+
+
+def _yaw_peaks(knots: Vector, coefficients: Vector) -> list[float]:
+    """Greatest yaw rate and yaw acceleration: at the ends of a cubic, or where its acceleration is zero."""
+    duration = np.diff(knots)
+    _, c1, c2, c3 = coefficients.T
+    bend = np.divide(-c2, 3.0 * c3, out=np.zeros_like(c2), where=c3 != 0.0)
+    bend = np.clip(bend, 0.0, duration)
+    rates = [c1 + s * (2.0 * c2 + 3.0 * c3 * s) for s in (np.zeros_like(duration), bend, duration)]
+    accelerations = (2.0 * c2, 2.0 * c2 + 6.0 * c3 * duration)
+    return [float(np.abs(rates).max()), float(np.abs(accelerations).max())]
 
 
 def hover(stamp: float, position: Vector, yaw: float, duration: float = 1e-3) -> Trajectory:

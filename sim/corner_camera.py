@@ -165,7 +165,7 @@ class CornerCamera:
             self._least_cos,
             self._margins,
             self._owners,
-            self._scene.quads,
+            self._scene.seen_from(centres[1]),
             centres[1],
             self._camera.width,
             self._camera.height,

@@ -1,8 +1,8 @@
 """Judges a flight by ground truth: which gates were passed, and what was hit.
 
 The vehicle is the smallest ball around it, swept along the true path. A gate is its opening, with four
-border boxes around it as solid frame. The ground is met by the ball's disc in the body's x-y plane, where the
-feet are: the origin of a vehicle that stands is at z = 0.
+border boxes around it as solid frame; obstacles are boxes and cylinders. The ground is met by the ball's disc in the
+body's x-y plane, where the feet are: the origin of a vehicle that stands is at z = 0.
 """
 
 import math
@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from flightapp.frames import Vector
 from flightapp.jit import inlined, lean_kernel
 from flightapp.messages import Collision, GatePassage
-from flightapp.track import Track
+from flightapp.track import FRAME_THICKNESS, Box, Track
 
 GROUND = "ground"
 """The ground's name in collisions."""
-FRAME_THICKNESS = 0.08
-"""m, of a gate's frame along the direction of passage."""
 TOUCHDOWN_SPEED = 1.0
 """m/s downwards, above it touching the ground is a collision; PX4 lands at MPC_LAND_SPEED = 0.7."""
 TOUCHDOWN_COS_TILT = 0.5
@@ -49,12 +47,18 @@ class WrongPassage:
 
 
 @inlined
-def _gap(box: Vector, x: float, y: float, z: float) -> float:
-    """Distance (m) of a world point from a box (8,): centre, cos and sin of its yaw, half sizes."""
-    dx, dy = x - box[0], y - box[1]
-    a = max(abs(box[3] * dx + box[4] * dy) - box[5], 0.0)
-    b = max(abs(box[3] * dy - box[4] * dx) - box[6], 0.0)
-    c = max(abs(z - box[2]) - box[7], 0.0)
+def _gap(solid: Vector, x: float, y: float, z: float) -> float:
+    """Distance (m) of a world point from a solid (9,): centre, cos and sin of its yaw, half sizes, 1 if it is round.
+
+    A round one is an upright cylinder, whose first half size is its radius.
+    """
+    dx, dy = x - solid[0], y - solid[1]
+    if solid[8] > 0.0:
+        a, b = max(math.sqrt(dx * dx + dy * dy) - solid[5], 0.0), 0.0
+    else:
+        a = max(abs(solid[3] * dx + solid[4] * dy) - solid[5], 0.0)
+        b = max(abs(solid[3] * dy - solid[4] * dx) - solid[6], 0.0)
+    c = max(abs(z - solid[2]) - solid[7], 0.0)
     return math.sqrt(a * a + b * b + c * c)
 
 
@@ -80,18 +84,18 @@ def _crossing(gate: Vector, half: float, a: Vector, b: Vector) -> tuple[int, flo
 
 
 @inlined
-def _gaps(boxes: Vector, owners: NDArray[np.int64], radius: float, a: Vector, b: Vector, gaps: Vector) -> None:
-    """Least distance ``gaps`` (k,) in m of the path from row ``a`` to row ``b`` from each owner's boxes."""
+def _gaps(solids: Vector, owners: NDArray[np.int64], radius: float, a: Vector, b: Vector, gaps: Vector) -> None:
+    """Least distance ``gaps`` (k,) in m of the path from row ``a`` to row ``b`` from each owner's solids."""
     step = math.sqrt((b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2 + (b[3] - a[3]) ** 2)
     parts = 1 + int(step / (SWEEP * radius))
     gaps[:] = math.inf
-    for i in range(boxes.shape[0]):
-        gap = _gap(boxes[i], b[1], b[2], b[3])
+    for i in range(solids.shape[0]):
+        gap = _gap(solids[i], b[1], b[2], b[3])
         if gap < radius + step:
             for j in range(1, parts):
                 s = j / parts
                 x, y, z = a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]), a[3] + s * (b[3] - a[3])
-                gap = min(gap, _gap(boxes[i], x, y, z))
+                gap = min(gap, _gap(solids[i], x, y, z))
         gaps[owners[i]] = min(gaps[owners[i]], gap)
 
 
@@ -136,7 +140,7 @@ def _judge(
     last: Vector,
     gates: Vector,
     half: float,
-    boxes: Vector,
+    solids: Vector,
     owners: NDArray[np.int64],
     radius: float,
     contact: NDArray[np.int64],
@@ -161,15 +165,15 @@ def _judge(
                 kind = _FORWARD if way > 0 else _BACKWARD
                 _note(events, kind, g, last[0] + s * (row[0] - last[0]), offset)
         speed = math.sqrt(last[8] ** 2 + last[9] ** 2 + last[10] ** 2)
-        _gaps(boxes, owners, radius, last, row, gaps)
+        _gaps(solids, owners, radius, last, row, gaps)
         _touch(gaps, radius, contact, last, row, speed, events)
         for k in range(last.size):
             last[k] = row[k]
     return rows
 
 
-def _boxes(track: Track) -> tuple[Vector, NDArray[np.int64], tuple[str, ...]]:
-    """All solid boxes (n, 8) as `_gap` takes them, the owner of each (n,), and the owners' names."""
+def _solids(track: Track) -> tuple[Vector, NDArray[np.int64], tuple[str, ...]]:
+    """All solids (n, 9) as `_gap` takes them, the owner of each (n,), and the owners' names."""
     inner, border = 0.5 * track.gate.opening, track.gate.border
     middle, outer, thick = inner + 0.5 * border, inner + border, 0.5 * FRAME_THICKNESS
     rows: list[tuple[float, ...]] = []
@@ -178,14 +182,18 @@ def _boxes(track: Track) -> tuple[Vector, NDArray[np.int64], tuple[str, ...]]:
         x, y, z = gate.position
         c, s = math.cos(gate.yaw), math.sin(gate.yaw)
         for side in (-middle, middle):
-            rows.append((x, y, z + side, c, s, thick, outer, 0.5 * border))
-            rows.append((x - s * side, y + c * side, z, c, s, thick, 0.5 * border, inner))
+            rows.append((x, y, z + side, c, s, thick, outer, 0.5 * border, 0.0))
+            rows.append((x - s * side, y + c * side, z, c, s, thick, 0.5 * border, inner, 0.0))
         owners += [index] * 4
-    for index, box in enumerate(track.obstacles, len(track.gates)):
-        rows.append((*box.centre, 1.0, 0.0, *(0.5 * side for side in box.size)))
+    for index, obstacle in enumerate(track.obstacles, len(track.gates)):
+        if isinstance(obstacle, Box):
+            rows.append((*obstacle.centre, 1.0, 0.0, *(0.5 * side for side in obstacle.size), 0.0))
+        else:
+            (x, y, z), r, half = obstacle.base, obstacle.radius, 0.5 * obstacle.height
+            rows.append((x, y, z + half, 1.0, 0.0, r, r, half, 1.0))
         owners.append(index)
-    names = (*(f"gate {gate.id}" for gate in track.gates), *(box.name for box in track.obstacles), GROUND)
-    return np.array(rows).reshape(-1, 8), np.array(owners, np.int64), names
+    names = (*(f"gate {gate.id}" for gate in track.gates), *(solid.name for solid in track.obstacles), GROUND)
+    return np.array(rows).reshape(-1, 9), np.array(owners, np.int64), names
 
 
 class Referee:
@@ -196,7 +204,7 @@ class Referee:
         self._due = self._ids * laps
         self._gates = np.array([(*g.position, math.cos(g.yaw), math.sin(g.yaw)) for g in track.gates]).reshape(-1, 5)
         self._half = 0.5 * track.gate.opening
-        self._boxes, self._owners, self._names = _boxes(track)
+        self._solids, self._owners, self._names = _solids(track)
         self._radius = radius
         self._last: Vector | None = None
         self._contact = np.zeros(len(self._names), np.int64)
@@ -251,7 +259,7 @@ class Referee:
                 last,
                 self._gates,
                 self._half,
-                self._boxes,
+                self._solids,
                 self._owners,
                 self._radius,
                 self._contact,

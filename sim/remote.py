@@ -242,7 +242,7 @@ class MavlinkRig:
 
     def __init__(self, config: Config, track: Track, seed: int) -> None:
         remote = _remote(config)
-        self._survey_seed = np.random.SeedSequence(seed).spawn(4)[3]
+        self._survey_seed, self._exact = np.random.SeedSequence(seed).spawn(4)[3], config.sim.survey == "exact"
         self._gates = true_gates(track)
         origin = time.monotonic() - asyncio.get_running_loop().time()
         self.world = RemoteWorld(Order(config, track, seed, origin, remote))
@@ -265,7 +265,7 @@ class MavlinkRig:
     def survey(self, track: Track) -> Track:
         """``track`` as it is known before the flight."""
         self._truth.feed.gates.publish(self._gates)
-        return survey(track, np.random.default_rng(self._survey_seed))
+        return survey(track, np.random.default_rng(self._survey_seed), self._exact)
 
     async def close(self) -> None:
         """End the world, and give back the lines to it."""

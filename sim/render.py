@@ -13,7 +13,7 @@ from flightapp.perception.camera import CameraModel
 from sim.ground import Image, make_ground, paint_background
 from sim.order import far_to_near, quad_normals, quad_spheres, quad_vertices
 from sim.raster import TILE, paint_quads
-from sim.scene import Scene
+from sim.scene import Quads, Scene
 
 PoseAt = Callable[[float], tuple[Vector, Vector]]
 """The true position (3,) m and orientation q_wb (4,) of the body at a stamp."""
@@ -93,9 +93,7 @@ class Renderer:
         self._rays = ray_grid(camera, w, h)
         self._background_rays = ray_grid(camera, wb, hb)
         self._cones = _tile_cones(self._rays)
-        self._vertices = quad_vertices(scene.quads)
-        self._normals = quad_normals(scene.quads)
-        self._spheres = quad_spheres(self._vertices)
+        self._outlines = _outlines(scene.quads)
         self._gain = _vignetting(self._rays)
         self._noise = self._rng.standard_normal(NOISE_POOL + w, np.float32)
         self._background = np.empty((hb, wb), np.float32)
@@ -117,13 +115,13 @@ class Renderer:
             R_wc, centres = camera_poses(self._camera, pose_at, nodes)
         else:
             R_wc, centres = R_wc[::2], centres[::2]
-        order = far_to_near(self._vertices, self._normals, eye)
+        quads, boards = self._scene.seen_from(eye), self._scene.boards
+        vertices, normals, spheres = _outlines(quads) if len(self._scene.pillars) else self._outlines
+        order = far_to_near(vertices, normals, eye)
         poses = np.ascontiguousarray(R_wc), np.ascontiguousarray(centres)
         image = np.empty(self._light.shape, np.uint8)
         offsets = self._rng.integers(0, NOISE_POOL, len(image))
-
-        scene = self._scene
-        paint_quads(self._light, self._rays, self._cones, scene.quads, scene.boards, order, self._spheres, *poses, turn)
+        paint_quads(self._light, self._rays, self._cones, quads, boards, order, spheres, *poses, turn)
         _develop(image, self._light, self._gain, self._noise, offsets)
         return image
 
@@ -134,6 +132,12 @@ class Renderer:
         R_wc, centres = camera_poses(self._camera, pose_at, times)
         pixel = BACKGROUND_SCALE / float(self._camera.focal[0])
         paint_background(self._background, self._background_rays, self._ground, R_wc, centres, pixel)
+
+
+def _outlines(quads: Quads) -> tuple[Vector, Vector, Vector]:
+    """Vertices (n, 4, 3) m, normals (n, 3) and spheres (n, 4) m of the quads."""
+    vertices = quad_vertices(quads)
+    return vertices, quad_normals(quads), quad_spheres(vertices)
 
 
 def ray_grid(camera: CameraModel, width: int, height: int) -> Image:

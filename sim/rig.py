@@ -121,7 +121,7 @@ class SimRig:
         loop = asyncio.get_running_loop()
         exercise(config, track)
         self._world = World(config, track, world_seed, loop.time)
-        self._survey_seed = survey_seed
+        self._survey_seed, self._exact = survey_seed, config.sim.survey == "exact"
         self.autopilot: Autopilot = self._world.autopilot
         self.camera: FrameSource = SimCamera(config, track, number(camera_seed), self._world)
         self.tracker: PoseSource = SimTracker(config, number(tracker_seed), self._world)
@@ -136,7 +136,7 @@ class SimRig:
     def survey(self, track: Track) -> Track:
         """``track`` as it is known before the flight."""
         self._world.announce()
-        return survey(track, np.random.default_rng(self._survey_seed))
+        return survey(track, np.random.default_rng(self._survey_seed), self._exact)
 
     async def close(self) -> None:
         """Nothing to give back but what has a close of its own."""

@@ -1,9 +1,13 @@
 """What the simulated cameras look at: gates with their markers, obstacles and the ground, from the true track.
 
 Everything solid is a flat quad. A gate is one thin quad with a square hole, whose coordinates (s, t) are the
-gate's y and z; an obstacle is the six faces of its box. Brightness is in grey levels (0..255) of the camera.
+gate's y and z; a box is its six faces. A cylinder is the upright quad between the two lines at which who looks at it
+sees its sides end, and at each end some rectangles that fill its disc. Brightness is in grey levels (0..255) of the
+camera.
 """
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.track import Gate, GateShape, Track
+from flightapp.track import Box, Cylinder, Gate, GateShape, Track
 
 NOT_DRAWN = -1.0
 """Shade of a side that cannot be seen."""
@@ -20,6 +24,10 @@ NOT_DRAWN = -1.0
 FRAME_SHADE = 96.0
 BACK_SHADE = 68.0
 BOX_SHADE = 120.0
+SIDE_SHADES = np.array([0.75, 0.9, 1.2])
+"""Of `BOX_SHADE` on sides that face along x, y and z."""
+END_QUADS = 6
+"""Rectangles that an end of a cylinder is made of: they lack 9 % of its area."""
 MARKER_WHITE = (185.0, 220.0)
 MARKER_BLACK = (22.0, 42.0)
 
@@ -63,9 +71,12 @@ class Scene:
     """Everything that can be seen."""
 
     quads: Quads
+    """As seen from afar along x."""
     boards: Boards
     seed: int
     """Varies brightness, contrast and the ground."""
+    pillars: Vector
+    """(k, 4): the cylinders' upright quads, and the x, y and radius of each, m."""
 
     @classmethod
     def from_track(cls, track: Track, seed: int = 0) -> "Scene":
@@ -73,12 +84,35 @@ class Scene:
         rng = np.random.default_rng(seed)
         dictionary = marker_dictionary(track.gate.dictionary)
         frames = [_gate_quad(gate, track.gate, rng) for gate in track.gates]
-        faces = [face for box in track.obstacles for face in _box_faces(np.array(box.centre), np.array(box.size))]
+        solids, pillars = list(frames), []
+        for obstacle in track.obstacles:
+            drawn = _box_faces(obstacle) if isinstance(obstacle, Box) else _cylinder_faces(obstacle)
+            faces = [face for face in drawn if face.bounds[2] < face.bounds[3]]
+            if faces and isinstance(obstacle, Cylinder):
+                pillars.append((len(solids), *obstacle.base[:2], obstacle.radius))
+            solids += faces
         return cls(
-            _stack(frames + faces, track.gate.marker_count, len(frames)),
+            _stack(solids, track.gate.marker_count, len(frames)),
             _make_boards(track, dictionary, rng),
             seed,
+            np.array(pillars, float).reshape(-1, 4),
         )
+
+    def seen_from(self, eye: Vector) -> Quads:
+        """The quads with each cylinder turned towards ``eye`` (3,) m, world, between its tangents from there."""
+        if not len(self.pillars):
+            return self.quads
+        which, r = self.pillars[:, 0].astype(int), self.pillars[:, 3]
+        towards = eye[:2] - self.pillars[:, 1:3]
+        away = np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
+        towards /= away[:, None]
+        nearer = np.minimum(r / away, 1.0)
+        half = r * np.sqrt(1.0 - np.square(nearer))
+        origin, along, bounds = self.quads.origin.copy(), self.quads.along.copy(), self.quads.bounds.copy()
+        origin[which, :2] = self.pillars[:, 1:3] + (r * nearer)[:, None] * towards
+        along[which, 0], along[which, 1] = towards[:, 1], -towards[:, 0]
+        bounds[which, 0], bounds[which, 1] = -half, half
+        return self.quads._replace(origin=origin, along=along, bounds=bounds)
 
 
 def marker_dictionary(name: str) -> cv2.aruco.Dictionary:
@@ -126,23 +160,41 @@ def _gate_quad(gate: Gate, shape: GateShape, rng: np.random.Generator) -> _Quad:
     )
 
 
-def _box_faces(centre: Vector, size: Vector) -> list[_Quad]:
-    half = 0.5 * size
-    faces = []
+def _box_faces(box: Box) -> Iterator[_Quad]:
+    centre, half = np.array(box.centre), 0.5 * np.array(box.size)
     for axis in range(3):
         for sign in (-1.0, 1.0):
-            inward = np.zeros(3)
-            inward[axis] = -sign
+            outward = np.zeros(3)
+            outward[axis] = sign
             up = _UP if axis < 2 else np.array([1.0, 0.0, 0.0])
-            along = np.cross(up, inward)
-            origin = centre - half[axis] * inward
-            a, b = float(np.abs(along) @ half), float(np.abs(up) @ half)
-            bottom = max(-b, -origin[2]) if axis < 2 else -b
-            if bottom >= b or (axis == 2 and origin[2] < 0.0):
-                continue
-            shade = BOX_SHADE * (0.75, 0.9, 1.2)[axis]
-            faces.append(_Quad(origin, along, up, (-a, a, bottom, b), _NO_HOLE, (shade, NOT_DRAWN)))
-    return faces
+            width, height = np.abs(np.cross(up, outward)) @ half, np.abs(up) @ half
+            yield _face(centre + half[axis] * outward, outward, up, float(width), float(height))
+
+
+def _cylinder_faces(cylinder: Cylinder) -> Iterator[_Quad]:
+    """The upright quad first."""
+    half, r = 0.5 * cylinder.height, cylinder.radius
+    centre = np.array(cylinder.base) + half * _UP
+    yield _face(centre, np.array([-1.0, 0.0, 0.0]), _UP, r, half)
+    for sign in (-1.0, 1.0):
+        for i in range(END_QUADS):
+            angle = 0.5 * math.pi * (i + 0.5) / END_QUADS
+            width, height = r * math.cos(angle), r * math.sin(angle)
+            yield _face(centre + sign * half * _UP, sign * _UP, np.array([1.0, 0.0, 0.0]), width, height)
+
+
+def _face(middle: Vector, outward: Vector, up: Vector, width: float, height: float) -> _Quad:
+    """A face seen from ``outward``, ``width`` m to both sides and ``height`` m up and down from its ``middle``.
+
+    Where it would be underground it is cut off: an upright one in part, a level one whole, so that nothing is left.
+    """
+    bottom = -height
+    if outward[2] == 0.0:
+        bottom = max(bottom, -float(middle[2]))
+    elif middle[2] <= 0.0:
+        height = bottom
+    shade = BOX_SHADE * float(SIDE_SHADES @ np.square(outward))
+    return _Quad(middle, np.cross(outward, up), up, (-width, width, bottom, height), _NO_HOLE, (shade, NOT_DRAWN))
 
 
 def _stack(quads: list[_Quad], per_gate: int, gates: int) -> Quads:

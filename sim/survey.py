@@ -5,15 +5,17 @@ import math
 import numpy as np
 
 from flightapp.messages import GateEstimate
-from flightapp.track import Gate, Track
+from flightapp.track import Gate, Track, Uncertainty
 
 
-def survey(track: Track, rng: np.random.Generator) -> Track:
-    """``track`` with each gate displaced by a draw from its uncertainty.
+def survey(track: Track, rng: np.random.Generator, exact: bool) -> Track:
+    """``track`` with each gate displaced by a draw from its uncertainty, or ``exact`` and said to be so.
 
     The position is drawn uniformly from the horizontal disc, the height and the yaw uniformly from their
     intervals; a gate is kept above the ground.
     """
+    if exact:
+        return track.model_copy(update={"uncertainty": Uncertainty()})
     u = track.uncertainty
     gates = []
     for gate in track.gates:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flightapp.inputs import BadInputError
-from flightapp.track import GateShape, MarkerLayout, Track, load_track
+from flightapp.track import Cylinder, GateShape, MarkerLayout, Track, load_track
 
 SHIPPED = sorted((Path(__file__).parent.parent / "missions" / "tracks").glob("*.toml"))
 
@@ -35,6 +35,12 @@ markers = [7]
 name = "pillar"
 centre = [3.0, 2.0, 1.0]
 size = [0.5, 0.5, 2.0]
+
+[[obstacles]]
+name = "post"
+base = [3.0, -2.0, 0.0]
+radius = 0.2
+height = 3.0
 """
 
 
@@ -51,6 +57,7 @@ def test_good_track_is_read(tmp_path: Path) -> None:
     assert track.finish == (6.0, 0.0, 1.0)
     assert track.uncertainty.horizontal == 0.0
     assert track.obstacles[0].name == "pillar"
+    assert track.obstacles[1] == Cylinder(name="post", base=(3.0, -2.0, 0.0), radius=0.2, height=3.0)
 
 
 @pytest.mark.parametrize(
@@ -79,6 +86,22 @@ def test_good_track_is_read(tmp_path: Path) -> None:
         ('layout = "top"', 'layout = "top"\nopening = nan', "'gate.opening' = nan"),
         ("[0.0, 0.0, 0.0]", "[0.0, 0.0, -1.0]", "the start is underground: z = -1.00 m"),
         ("size = [0.5, 0.5, 2.0]", "size = [0.5, 0.0, 2.0]", "'obstacles.0.size.1' = 0.0: input should be greater"),
+        (
+            'name = "post"',
+            'name = "pillar"',
+            "the obstacle name 'pillar' is used twice; give each obstacle its own name",
+        ),
+        (
+            "[3.0, -2.0, 0.0]",
+            "[4.1, -0.1, 0.0]",
+            "the centre of gate 2 is inside the obstacle 'post'; move one of them",
+        ),
+        ("[3.0, -2.0, 0.0]", "[6.0, 0.1, 0.5]", "the finish is inside the obstacle 'post'"),
+        ("[3.0, 2.0, 1.0]", "[0.2, 0.0, 0.5]", "the start is inside the obstacle 'pillar'"),
+        ("radius = 0.2", "radius = 0.0", "'obstacles.1.radius' = 0.0: input should be greater than 0"),
+        ("radius = 0.2", "radus = 0.2", "unknown key 'obstacles.1.radus'; did you mean 'radius'?"),
+        ("height = 3.0\n", "", "'obstacles.1.height' is missing"),
+        ("centre = [3.0", "center = [3.0", "unknown key 'obstacles.0.center'; did you mean 'centre'?"),
         ("finish = [6.0, 0.0, 1.0]", "finsh = [6.0, 0.0, 1.0]", "unknown key 'finsh'; did you mean 'finish'?"),
         ("[[gates]]", "[[gate", "not valid TOML"),
     ],

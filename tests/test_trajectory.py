@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flightapp.frames import Vector
+from flightapp.frames import GRAVITY, Vector
 from flightapp.trajectory import ORDER, Trajectory, hover
 
 STAMP = 100.0
@@ -114,3 +114,59 @@ def test_hovering_stays_and_looks_where_it_is_told() -> None:
         assert setpoint.yaw == 0.5 * math.pi
         for still in (setpoint.velocity, setpoint.acceleration, setpoint.jerk):
             np.testing.assert_array_equal(still, np.zeros(3))
+
+
+@given(st.integers(0, 1000))
+def test_limits_are_the_greatest_of_dense_samples(seed: int) -> None:
+    trajectory = wavy(seed)
+    peaks = trajectory.limits(step=1e-3)
+    inside = [np.linspace(a, b, 900)[:-1] for a, b in zip(trajectory.knots[:-1], trajectory.knots[1:], strict=True)]
+    samples = trajectory.sample(np.concatenate(inside))
+    force = samples.acceleration + np.array([0.0, 0.0, GRAVITY])
+    length = np.linalg.norm(force, axis=1)
+    dense = {
+        "speed": np.linalg.norm(samples.velocity, axis=1),
+        "acceleration": np.linalg.norm(samples.acceleration, axis=1),
+        "jerk": np.linalg.norm(samples.jerk, axis=1),
+        "specific_force": length,
+        "body_rate": np.linalg.norm(np.cross(force, samples.jerk), axis=1) / length**2,
+        "tilt": np.arccos(force[:, 2] / length),
+    }
+    for name, values in dense.items():
+        assert getattr(peaks, name) == pytest.approx(float(values.max()), rel=2e-2), name
+    assert peaks.specific_force_min == pytest.approx(float(length.min()), rel=2e-2, abs=0.05)
+
+
+@given(st.integers(0, 1000))
+def test_limits_of_the_yaw_are_exact(seed: int) -> None:
+    trajectory = wavy(seed)
+    peaks = trajectory.limits()
+    knots, c = trajectory.yaw_knots, trajectory.yaw_coefficients
+    rates, accelerations = [], []
+    for i in range(len(c)):
+        s = np.linspace(0.0, knots[i + 1] - knots[i], 2000)
+        rates.append(np.abs(c[i, 1] + 2.0 * c[i, 2] * s + 3.0 * c[i, 3] * s**2).max())
+        accelerations.append(np.abs(2.0 * c[i, 2] + 6.0 * c[i, 3] * s).max())
+    assert max(rates) <= peaks.yaw_rate * (1.0 + 1e-12)
+    assert peaks.yaw_rate == pytest.approx(max(rates), rel=1e-5)
+    assert peaks.yaw_acceleration == pytest.approx(max(accelerations), rel=1e-12)
+
+
+def test_limits_see_both_sides_of_a_jump() -> None:
+    coefficients = np.zeros((2, 3, ORDER))
+    coefficients[0, 0, 2], coefficients[1, 0, 2] = 4.0, -1.0
+    knots = np.array((0.0, 0.5, 1.0))
+    trajectory = Trajectory(0.0, knots, coefficients, knots, np.zeros((2, 4)))
+    peaks = trajectory.limits()
+    assert peaks.speed == pytest.approx(4.0)
+    assert peaks.acceleration == pytest.approx(8.0)
+    assert peaks.specific_force == pytest.approx(math.hypot(8.0, GRAVITY))
+    assert peaks.specific_force_min == pytest.approx(math.hypot(2.0, GRAVITY))
+    assert peaks.tilt == pytest.approx(math.atan2(8.0, GRAVITY))
+
+
+def test_hovering_asks_for_nothing_but_weight() -> None:
+    peaks = hover(0.0, np.zeros(3), 0.0, 1.0).limits()
+    assert peaks.specific_force == peaks.specific_force_min == GRAVITY
+    assert (peaks.speed, peaks.acceleration, peaks.jerk, peaks.body_rate, peaks.tilt) == (0.0,) * 5
+    assert (peaks.yaw_rate, peaks.yaw_acceleration) == (0.0, 0.0)

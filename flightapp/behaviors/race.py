@@ -87,17 +87,18 @@ class Race(Behavior):
         if is_known(gate, config.mapping.known_sigma):
             self._searching_since = None
             return None
-        if line.latest is None or state.stamp < line.latest.end_stamp:
+        now = self.context.now()
+        if not line.at_rest(now):
             return None
         if self._searching_since is None:
             self._searching_since = state.stamp
         if state.stamp > self._searching_since + config.race.search_timeout:
             text = f"gate {gate.gate_id} was not found within {config.race.search_timeout:g} s"
             return Result(Outcome.WRONG_PROGRESS, text)
-        at = line.motion(state.stamp)
+        at = line.motion(now)
         turn = math.remainder(heading(at.position, gate.position) - at.yaw, 2.0 * math.pi)
         rate = config.vehicle.yaw_rate_max / 3.0
-        scan = yaw_scan(state.stamp, at.position, at.yaw, at.yaw + turn, self._scan_half_width, rate)
+        scan = yaw_scan(now, at.position, at.yaw, at.yaw + turn, self._scan_half_width, rate)
         line.accept(scan)
         self.context.bus.trajectory.publish(scan)
         self._scan_half_width = min(1.5 * self._scan_half_width, math.pi)

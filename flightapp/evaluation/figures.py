@@ -11,6 +11,7 @@ from plotly.subplots import make_subplots
 from flightapp.evaluation.flight import Flight, Motions, Setpoints
 from flightapp.evaluation.gates import gate_outline
 from flightapp.evaluation.metrics import Window, position_error
+from flightapp.evaluation.solids import outline
 from flightapp.frames import Vector
 from flightapp.messages import GateEstimate
 from flightapp.track import Track
@@ -24,7 +25,7 @@ LABELS = 40
 
 TRUTH, ESTIMATE, REFERENCE = "#34b38a", "#1d4ed8", "#6b7280"
 AXIS_COLOURS = ("#d1495b", "#5a9e4b", "#a878c8")
-NOMINAL_GATE, ESTIMATED_GATE, TRUE_GATE = "#9aa3af", "#e8871e", "#1f2933"
+NOMINAL_GATE, ESTIMATED_GATE, TRUE_GATE, OBSTACLE = "#9aa3af", "#e8871e", "#1f2933", "#94a3b8"
 SOURCE_STYLES: Mapping[str, Any] = {
     "truth": {"width": 4.0},
     "estimate": {"width": 1.6},
@@ -64,7 +65,7 @@ def figures(subject: Subject) -> dict[str, go.Figure]:
 
 def path_above(subject: Subject) -> go.Figure:
     """The path from above, to scale."""
-    figure = _figure("Path from above", "x, m", "y, m")
+    figure = blank("Path from above", "x, m", "y, m")
     _draw_paths(figure, subject, (0, 1))
     figure.update_yaxes(scaleanchor="x", scaleratio=1)
     return figure
@@ -75,17 +76,17 @@ def path_side(subject: Subject) -> go.Figure:
     position = np.concatenate([subject.flight.states.position, subject.flight.truth.position])
     spread = np.ptp(position, axis=0) if position.size else np.ones(3)
     along = 0 if spread[0] >= spread[1] else 1
-    figure = _figure("Path from the side (height magnified)", f"{'xy'[along]}, m", "z, m")
+    figure = blank("Path from the side (height magnified)", f"{'xy'[along]}, m", "z, m")
     _draw_paths(figure, subject, (along, 2))
     return figure
 
 
 def speed_figure(subject: Subject) -> go.Figure:
     """Speed over time: true, estimated, reference."""
-    figure = _figure("Speed", "time, s", "m/s")
+    figure = blank("Speed", "time, s", "m/s")
     for name, motion, colour in _sources(subject):
         speed = np.linalg.norm(motion.velocity, axis=1)
-        _line(figure, motion.stamp - subject.window.start, speed, name, colour, **SOURCE_STYLES[name])
+        line(figure, motion.stamp - subject.window.start, speed, name, colour, **SOURCE_STYLES[name])
     _mark_events(figure, subject)
     return figure
 
@@ -96,12 +97,12 @@ def tracking_figure(subject: Subject) -> go.Figure | None:
     stamps, error = position_error(flight.setpoints, flight.states, subject.window)
     if not stamps.size:
         return None
-    figure = _figure("Position error: reference − estimate", "time, s", "m")
+    figure = blank("Position error: reference − estimate", "time, s", "m")
     _draw_error(figure, stamps - subject.window.start, error, "‖e‖ by the estimate", ESTIMATE)
     stamps, error = position_error(flight.setpoints, flight.truth, subject.window)
     if stamps.size:
         length = np.linalg.norm(error, axis=1)
-        _line(figure, stamps - subject.window.start, length, "‖e‖ by truth", TRUTH, width=2.0)
+        line(figure, stamps - subject.window.start, length, "‖e‖ by truth", TRUTH, width=2.0)
     _mark_events(figure, subject)
     return figure
 
@@ -112,12 +113,12 @@ def estimation_figure(subject: Subject) -> go.Figure | None:
     stamps, error = position_error(flight.states, flight.truth, subject.window)
     if not stamps.size:
         return None
-    figure = _figure("Estimation error: estimate − truth", "time, s", "m")
+    figure = blank("Estimation error: estimate − truth", "time, s", "m")
     _draw_error(figure, stamps - subject.window.start, error, "‖e‖", TRUTH)
     inside = np.isin(flight.states.stamp, stamps)
     sigma = np.sqrt(np.maximum(np.sum(flight.states.variance[inside, :3], axis=1), 0.0))
     time = flight.states.stamp[inside] - subject.window.start
-    _line(figure, time, 3.0 * sigma, "3 σ of the estimator", REFERENCE, dash="dot")
+    line(figure, time, 3.0 * sigma, "3 σ of the estimator", REFERENCE, dash="dot")
     _mark_events(figure, subject)
     return figure
 
@@ -128,11 +129,11 @@ def command_figure(subject: Subject) -> go.Figure | None:
     if not commands.stamp.size:
         return None
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.07, row_heights=[0.6, 0.4])
-    _style(figure, "Commands")
+    style(figure, "Commands")
     time = commands.stamp - subject.window.start
     for axis, name in enumerate(("roll", "pitch", "yaw")):
-        _line(figure, time, commands.rates[:, axis], f"{name} rate", AXIS_COLOURS[axis], row=1)
-    _line(figure, time, commands.thrust, "thrust", TRUE_GATE, row=2)
+        line(figure, time, commands.rates[:, axis], f"{name} rate", AXIS_COLOURS[axis], row=1)
+    line(figure, time, commands.thrust, "thrust", TRUE_GATE, row=2)
     figure.update_yaxes(title_text="rad/s", row=1, col=1)
     figure.update_yaxes(title_text="m/s²", row=2, col=1)
     figure.update_xaxes(title_text="time, s", row=2, col=1)
@@ -146,7 +147,7 @@ def interval_figure(subject: Subject) -> go.Figure | None:
     between = np.diff(stamps[subject.window.holds(stamps)]) * 1e3
     if not between.size:
         return None
-    figure = _figure("Time between commands", "ms", "how often")
+    figure = blank("Time between commands", "ms", "how often")
     counts, edges = np.histogram(between, bins=60)
     if edges[-1] - edges[0] < 1.0:
         centre = float(np.median(between))
@@ -169,14 +170,18 @@ def _sources(subject: Subject) -> Iterable[tuple[str, Motions | Setpoints, str]]
 
 def _draw_paths(figure: go.Figure, subject: Subject, axes: tuple[int, int]) -> None:
     i, j = axes
+    for obstacle in subject.track.obstacles if subject.track else ():
+        edge, pen = outline(obstacle, axes), {"color": OBSTACLE, "width": 1}
+        look = {"fill": "toself", "mode": "lines", "line": pen, "name": obstacle.name, "showlegend": False}
+        figure.add_trace(go.Scatter(x=short(edge[:, 0]), y=short(edge[:, 1]), **look))
     for name, motion, colour in _sources(subject):
         path = motion.position[subject.window.holds(motion.stamp)]
-        _line(figure, path[:, i], path[:, j], name, colour, **SOURCE_STYLES[name])
+        line(figure, path[:, i], path[:, j], name, colour, **SOURCE_STYLES[name])
     for name, gates, colour, width in _gates(subject):
         outlines = [gate_outline(gate.position, gate.yaw, subject.opening) for gate in gates]
         points = np.concatenate([np.vstack([outline, np.full((1, 3), np.nan)]) for outline in outlines])
         dash = "dot" if colour == NOMINAL_GATE else "solid"
-        _line(figure, points[:, i], points[:, j], name, colour, dash=dash, width=width)
+        line(figure, points[:, i], points[:, j], name, colour, dash=dash, width=width)
     labelled = next((gates for _, gates, _, _ in reversed(_gates(subject))), ())
     for gate in labelled:
         x, y = float(gate.position[i]), float(gate.position[j])
@@ -201,11 +206,11 @@ def _gates(subject: Subject) -> list[tuple[str, Sequence[GateEstimate], str, flo
 
 def _draw_error(figure: go.Figure, time: Vector, error: Vector, name: str, colour: str) -> None:
     for axis, letter in enumerate("xyz"):
-        _line(figure, time, error[:, axis], letter, AXIS_COLOURS[axis], width=1.0)
-    _line(figure, time, np.linalg.norm(error, axis=1), name, colour, width=2.0)
+        line(figure, time, error[:, axis], letter, AXIS_COLOURS[axis], width=1.0)
+    line(figure, time, np.linalg.norm(error, axis=1), name, colour, width=2.0)
 
 
-def _line(
+def line(
     figure: go.Figure,
     x: Vector,
     y: Vector,
@@ -216,13 +221,15 @@ def _line(
     width: float = 1.6,
     row: int | None = None,
 ) -> None:
+    """Draw ``y`` over ``x``, both (n,), with at most `POINTS` points."""
     step = max(1, -(-x.size // POINTS))
-    line = {"color": colour, "dash": dash, "width": width}
-    trace = go.Scatter(x=_short(x[::step]), y=_short(y[::step]), name=name, mode="lines", line=line)
+    pen = {"color": colour, "dash": dash, "width": width}
+    trace = go.Scatter(x=short(x[::step]), y=short(y[::step]), name=name, mode="lines", line=pen)
     figure.add_trace(trace, row=row, col=None if row is None else 1)
 
 
-def _short(values: Vector) -> Vector:
+def short(values: Vector) -> Vector:
+    """``values`` in the precision that a screen needs."""
     return values.astype(np.float32)
 
 
@@ -249,15 +256,17 @@ def _brief(text: str) -> str:
     return text.partition(":")[0][:20]
 
 
-def _figure(title: str, x: str, y: str) -> go.Figure:
+def blank(title: str, x: str, y: str) -> go.Figure:
+    """An empty figure with these titles."""
     figure = go.Figure()
-    _style(figure, title)
+    style(figure, title)
     figure.update_xaxes(title_text=x)
     figure.update_yaxes(title_text=y)
     return figure
 
 
-def _style(figure: go.Figure, title: str) -> None:
+def style(figure: go.Figure, title: str) -> None:
+    """Give ``figure`` its title and what all figures look like."""
     figure.update_layout(
         title={"text": title, "x": 0.01, "y": 0.98, "yanchor": "top", "font": {"size": 15}},
         template="plotly_white",

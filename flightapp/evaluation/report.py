@@ -1,19 +1,13 @@
 """The report of a flight: one HTML file with everything in it, for any browser, without a network."""
 
 from collections.abc import Mapping, Sequence
-from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any
-
-import plotly.graph_objects as go
-from plotly.io import to_html
-from plotly.offline import get_plotlyjs
 
 from flightapp.evaluation.figures import Subject, figures
 from flightapp.evaluation.flight import Flight
 from flightapp.evaluation.metrics import Window, racing_window
+from flightapp.evaluation.page import Heading, page_html
 from flightapp.evaluation.summary import flight_track, summarise, why_failed
 from flightapp.evaluation.tables import NONE, TextTable, flight_tables, number
 
@@ -35,17 +29,12 @@ def report_html(flight: Flight, summary: Mapping[str, Any]) -> str:
     failure = why_failed(summary)
     seed = "" if summary["seed"] is None else f", seed {summary['seed']}"
     speed = "" if summary["v_max"] is None else f", v_max {summary['v_max']:g} m/s"
-    template = files("flightapp.evaluation").joinpath("data/report.html").read_text(encoding="utf-8")
-    return Template(template).substitute(
-        title=escape(f"{summary['mission'] or 'flight'}{seed}{speed}"),
-        plotly=get_plotlyjs(),
-        verdict="" if failure else "good",
-        outcome=escape(summary["outcome"] or "outcome not recorded"),
-        note=escape(_note(flight, summary, failure)),
-        facts="".join(_fact(name, value) for name, value in _facts(summary)),
-        figures="".join(_figure(name, figure) for name, figure in drawn.items()),
-        tables="".join(_table(table) for table in (*flight_tables(summary)[1:], _events(flight, window))),
+    tables = (*flight_tables(summary)[1:], _events(flight, window))
+    outcome = summary["outcome"] or "outcome not recorded"
+    heading = Heading(
+        f"{summary['mission'] or 'flight'}{seed}{speed}", outcome, not failure, _note(flight, summary, failure)
     )
+    return page_html(heading, _facts(summary), drawn, tables)
 
 
 def _note(flight: Flight, summary: Mapping[str, Any], failure: str) -> str:
@@ -82,24 +71,3 @@ def _events(flight: Flight, window: Window) -> TextTable:
         if event.kind in EVENT_KINDS
     ]
     return TextTable("Events", ("what", "time s"), rows)
-
-
-def _fact(name: str, value: str) -> str:
-    return f'<div class="fact"><b>{escape(value)}</b><span>{escape(name)}</span></div>'
-
-
-def _figure(name: str, figure: go.Figure) -> str:
-    config = {"responsive": True, "displayModeBar": False}
-    drawn = to_html(figure, config=config, include_plotlyjs=False, full_html=False, div_id=f"figure-{name}")
-    return f'<section class="figure">{drawn}</section>'
-
-
-def _table(table: TextTable) -> str:
-    head = "".join(f"<th>{escape(column)}</th>" for column in table.columns)
-    rows = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>" for row in table.rows)
-    body = f'<div class="scroll"><table><tr>{head}</tr>{rows}</table></div>'
-    return f"<section><h2>{escape(table.title)}</h2>{body}</section>"
-
-
-def _cell(text: str) -> str:
-    return f'<td class="no">{escape(text)}</td>' if text == "NO" else f"<td>{escape(text)}</td>"

@@ -40,7 +40,7 @@ def flight_tables(summary: Mapping[str, Any]) -> tuple[TextTable, ...]:
 
 def terminal_tables(summary: Mapping[str, Any]) -> list[RichTable]:
     """`flight_tables` for a rich console."""
-    return [_rich(table) for table in flight_tables(summary)]
+    return [rich_table(table) for table in flight_tables(summary)]
 
 
 def race_table(summary: Mapping[str, Any]) -> TextTable:
@@ -120,7 +120,8 @@ def number(value: float | None, decimals: int, scale: float = 1.0) -> str:
     return NONE if value is None else f"{value * scale:.{decimals}f}"
 
 
-def _rich(table: TextTable) -> RichTable:
+def rich_table(table: TextTable) -> RichTable:
+    """``table`` for a rich console."""
     made = RichTable(title=table.title, box=box.SIMPLE, title_justify="left", title_style="bold")
     for i, column in enumerate(table.columns):
         made.add_column(column, justify="left" if i == 0 else "right")

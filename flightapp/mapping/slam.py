@@ -61,6 +61,7 @@ class SlamMapper:
         self._stamp = stamp
         self._version = 0
         self._last_pose: PoseSample | None = None
+        self._surveyed = [self._prior[0] <= m.known_sigma] * n
         self._sightings = [0] * n
         self._last_seen = [-math.inf] * n
         self._refused = [0] * n
@@ -88,9 +89,9 @@ class SlamMapper:
         blocks = np.arange(len(yaws))
         covariances = self._P.reshape(len(yaws), 4, len(yaws), 4)[blocks, :, blocks]
         gates = tuple(
-            GateEstimate(gate_id, x[4 * i : 4 * i + 3], yaws[i], covariances[i], sightings, last_seen)
-            for i, (gate_id, sightings, last_seen) in enumerate(
-                zip(self._ids, self._sightings, self._last_seen, strict=True), start=1
+            GateEstimate(gate_id, x[4 * i : 4 * i + 3], yaws[i], covariances[i], count, last, surveyed)
+            for i, (gate_id, count, last, surveyed) in enumerate(
+                zip(self._ids, self._sightings, self._last_seen, self._surveyed, strict=True), start=1
             )
         )
         return GateMap(stamp, self._version, gates, Drift(self._stamp, x[0:3], yaws[0], covariances[0]))
@@ -168,6 +169,7 @@ class SlamMapper:
         self._P[range(a, a + 4), range(a, a + 4)] = np.square((position, position, position, REOPENED_YAW))
         self._x[a : a + 3] = seen
         self._refused[i] = 0
+        self._surveyed[i] = False
         self._sightings[i] = 0
         self._last_seen[i] = -math.inf
 

@@ -44,7 +44,7 @@ def horizontal_sigma(gate: GateEstimate) -> float:
 
 def is_known(gate: GateEstimate, known_sigma: float, least_sightings: int = 3) -> bool:
     """Whether a gate is known well enough to be flown through."""
-    return gate.sightings >= least_sightings and horizontal_sigma(gate) <= known_sigma
+    return (gate.surveyed or gate.sightings >= least_sightings) and horizontal_sigma(gate) <= known_sigma
 
 
 def course(

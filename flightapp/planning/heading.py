@@ -7,94 +7,168 @@ so is its rate, and the rate is greatest where pieces meet.
 
 import math
 
-import numpy as np
-
 from flightapp.frames import Vector, wrap_angle
-from flightapp.jit import kernel
-from flightapp.trajectory import evaluate
+from flightapp.jit import inlined, lean_kernel
 
-PIECE = 0.05
-"""s, one piece of the heading."""
+TURNING, FOLLOWING = 0.05, 0.2
+"""s, one piece of the heading: while it turns to its reference, and once it moves with it."""
 SETTLING = 4.0
-"""s after the end of the trajectory within which the heading comes to rest."""
+"""s after the end of the trajectory within which the heading turns to its last reference."""
 NEAR = 1.5
-"""m from a gate at which to look at what comes after it."""
+"""m before a gate at which to look at what comes after it: its plan is settled, and its markers leave the view."""
+SOONEST, LATEST = 1.0, 0.3
+"""s before a gate, bounds of that moment at low and at high speed."""
 SLOW = 0.3
 """m/s of horizontal speed, or m of horizontal distance, below which no direction is told from it."""
 GAIN = 6.0
 """1/s, at which a small error of heading is removed."""
+SHARE = 0.5
+"""Greatest part of an error that is to be removed within one piece."""
 BRAKING = 0.7
 """Share of the angular acceleration that is counted on when stopping at the reference."""
+ON_AIM, CENTRED = 0.05, 1e-3
+"""rad of error below which the heading counts as following its reference, and below which it is left alone."""
+SPARE = 8
+"""Pieces beyond those that the duration, the settling and the gates account for."""
 
 
-@kernel
-def _reference(row: Vector, t: float, aims: Vector, passages: Vector, watch: Vector) -> tuple[bool, float, float]:
-    """Whether there is a direction to look in at time ``t``, its heading and that heading's rate.
+def most_pieces(duration: float, gates: int) -> int:
+    """How many pieces `heading_pieces` may need for a trajectory of ``duration`` s through so many gates."""
+    return math.ceil((duration + SETTLING) / TURNING) + gates + SPARE
 
-    ``row`` (17,) is the motion; ``aims`` (m, 3) the gates, left behind at ``passages`` (m,); ``watch`` (3,)
-    is looked at afterwards, the path where it is NaN.
+
+@inlined
+def _motion(coefficients: Vector, i: int, axis: int, s: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration of one axis, ``s`` into segment ``i``."""
+    p = v = a = 0.0
+    for k in range(coefficients.shape[2] - 1, -1, -1):
+        a = a * s + 2.0 * v
+        v = v * s + p
+        p = p * s + coefficients[i, axis, k]
+    return p, v, a
+
+
+@inlined
+def _switch(coefficients: Vector, i: int, s: float, passage: float) -> float:
+    """When to look away from the gate that is passed at ``passage``, ``s`` into segment ``i``."""
+    speed = 0.0
+    for axis in range(3):
+        _, v, _ = _motion(coefficients, i, axis, s)
+        speed += v * v
+    return passage - min(max(NEAR / max(math.sqrt(speed), 1e-3), LATEST), SOONEST)
+
+
+@inlined
+def _segment(knots: Vector, i: int, t: float) -> int:
+    """The segment that holds ``t``, from segment ``i`` on."""
+    while i < knots.size - 2 and t >= knots[i + 1]:
+        i += 1
+    return i
+
+
+@inlined
+def _reference(
+    coefficients: Vector, i: int, s: float, ended: bool, aims: Vector, k: int, watch: Vector
+) -> tuple[bool, float, float]:
+    """Whether there is a direction to look in ``s`` into segment ``i``, its heading and that heading's rate.
+
+    It is that of ``aims[k]``, behind the last of them that of ``watch``, and of the path where that is NaN. Once the
+    trajectory has ``ended`` the vehicle rests.
     """
-    x, y, dx, dy = row[3], row[4], row[6], row[7]
-    for k in range(aims.shape[0] + 1):
-        last = k == aims.shape[0]
-        if last and math.isnan(watch[0]):
-            break
-        target = watch if last else aims[k]
-        if not last:
-            gap = (target[0] - row[0]) ** 2 + (target[1] - row[1]) ** 2 + (target[2] - row[2]) ** 2
-            if t >= passages[k] or (k + 1 < aims.shape[0] and gap < NEAR * NEAR and t > passages[k] - 1.0):
-                continue
-        x, y, dx, dy = target[0] - row[0], target[1] - row[1], -row[3], -row[4]
-        break
+    px, vx, ax = _motion(coefficients, i, 0, s)
+    py, vy, ay = _motion(coefficients, i, 1, s)
+    if ended:
+        vx = vy = ax = ay = 0.0
+    if k < aims.shape[0]:
+        x, y, dx, dy = aims[k, 0] - px, aims[k, 1] - py, -vx, -vy
+    elif watch[0] == watch[0]:
+        x, y, dx, dy = watch[0] - px, watch[1] - py, -vx, -vy
+    else:
+        x, y, dx, dy = vx, vy, ax, ay
     square = x * x + y * y
     if square < SLOW * SLOW:
         return False, 0.0, 0.0
     return True, math.atan2(y, x), (x * dy - y * dx) / square
 
 
-@kernel
+@inlined
+def _pursuit(
+    yaw: float, yaw_rate: float, step: float, known: bool, aim: float, wanted: float, limits: Vector
+) -> tuple[float, bool]:
+    """The yaw rate after ``step`` s towards a reference at ``aim`` with rate ``wanted``; whether it moves with it."""
+    rate_max, reach = limits[0], limits[1] * step
+    calm = True
+    if known:
+        error = wrap_angle(aim - step * wanted - yaw)
+        size = abs(error)
+        calm = size < ON_AIM
+        if size > CENTRED:
+            gain = min(GAIN, SHARE / step)
+            wanted += math.copysign(min(gain * size, math.sqrt(2.0 * BRAKING * limits[1] * size)), error)
+    wanted = min(max(wanted, -rate_max), rate_max)
+    if abs(wanted - yaw_rate) > reach:
+        return yaw_rate + math.copysign(reach, wanted - yaw_rate), False
+    return wanted, calm
+
+
+@lean_kernel
 def heading_pieces(
     knots: Vector,
     coefficients: Vector,
-    yaw: float,
-    yaw_rate: float,
+    start: Vector,
     aims: Vector,
     passages: Vector,
     watch: Vector,
-    rate_max: float,
-    acceleration: float,
-) -> tuple[Vector, Vector, int]:
-    """Knots (≥ m + 1,), coefficients (≥ m, 4) and m of a heading that starts with ``yaw`` and ``yaw_rate``.
+    limits: Vector,
+    places: Vector,
+    pieces: Vector,
+) -> int:
+    """Fill ``places`` (m + 1,) s and ``pieces`` (m, 4) with a heading along a trajectory; returns m.
 
-    It keeps to ``rate_max`` (rad/s) and ``acceleration`` (rad/s²), and comes to rest with or after the
-    trajectory (``knots``, ``coefficients``). For the other arguments see `_reference`.
+    ``start`` is its yaw and yaw rate; ``limits`` the greatest rate (rad/s) and acceleration (rad/s²), which it keeps
+    exactly. It comes to rest with or after the trajectory (``knots`` (n + 1,), ``coefficients`` (n, 3, 8)). ``aims``
+    (g, 3) are the gates, left behind at ``passages`` (g,) s; ``watch`` (3,) is looked at afterwards, the path where it
+    is NaN. `most_pieces` says how many rows there must be.
     """
-    duration = knots[-1]
-    moving = max(1, math.ceil(duration / PIECE))
-    step = duration / moving
-    most = moving + math.ceil(SETTLING / step)
-    places, pieces = np.empty(most + 1), np.zeros((most, 4))
-    still, rest = np.zeros(2), np.zeros((1, 4))
-    still[1] = duration
-    row = np.empty(17)
+    yaw, yaw_rate = start[0], start[1]
+    duration = knots[knots.size - 1]
+    t, i, used, k = 0.0, 0, 0, -1
+    passing, switch = 0, -1.0
+    calm = False
     places[0] = 0.0
-    used = most
-    for i in range(most):
-        t = (i + 1) * step
-        evaluate(knots, coefficients, still, rest, min(t, duration), row)
-        known, aim, wanted = _reference(row, t, aims, passages, watch)
-        if known:
-            error = wrap_angle(aim - step * wanted - yaw)
-            catch_up = min(GAIN * abs(error), math.sqrt(2.0 * BRAKING * acceleration * abs(error)))
-            wanted += math.copysign(catch_up, error) if abs(error) > 1e-4 else 0.0
-        wanted = min(max(wanted, -rate_max), rate_max)
-        change = min(max(wanted - yaw_rate, -acceleration * step), acceleration * step)
-        following = wanted if change == wanted - yaw_rate else yaw_rate + change
-        places[i + 1] = t
-        pieces[i, 0], pieces[i, 1], pieces[i, 2] = yaw, yaw_rate, 0.5 * (following - yaw_rate) / step
+    while used < pieces.shape[0] - 2 and t < duration + SETTLING:
+        while t >= switch - 1e-6:  # look at the next one
+            k += 1
+            calm = False
+            switch = math.inf
+            if k < aims.shape[0]:
+                passing = _segment(knots, passing, passages[k])
+                switch = _switch(coefficients, passing, passages[k] - knots[passing], passages[k])
+        step = FOLLOWING if calm else TURNING
+        stop = min(switch, duration if t < duration else duration + SETTLING)
+        end = t + step if t + 1.5 * step < stop else stop
+        step = end - t
+        i = _segment(knots, i, end)
+        s = min(end, duration) - knots[i]
+        known, aim, wanted = _reference(coefficients, i, s, end >= duration, aims, k, watch)
+        following, calm = _pursuit(yaw, yaw_rate, step, known, aim, wanted, limits)
+        pieces[used, 0], pieces[used, 1], pieces[used, 2] = yaw, yaw_rate, 0.5 * (following - yaw_rate) / step
+        pieces[used, 3] = 0.0
         yaw += 0.5 * step * (yaw_rate + following)
-        yaw_rate = following
-        if i + 1 >= moving and yaw_rate == 0.0:
-            used = i + 1
-            break
-    return places, pieces, used
+        yaw_rate, t, used = following, end, used + 1
+        places[used] = t
+        if t >= duration and yaw_rate == 0.0:
+            return used
+    return brake(yaw, yaw_rate, limits[1], t, used, places, pieces)
+
+
+@lean_kernel
+def brake(yaw: float, yaw_rate: float, acceleration: float, t: float, used: int, places: Vector, pieces: Vector) -> int:
+    """Append to ``used`` pieces, which end at ``t``, one in which the heading comes to rest; returns their number."""
+    if yaw_rate == 0.0:
+        return used
+    time = abs(yaw_rate) / acceleration
+    pieces[used, 0], pieces[used, 1] = yaw, yaw_rate
+    pieces[used, 2], pieces[used, 3] = -0.5 * yaw_rate / time, 0.0
+    places[used + 1] = t + time
+    return used + 1

@@ -1,129 +1,184 @@
-"""Polynomials of degree 7 by what they do at their ends (Hermite form), on the unit interval.
+"""Polynomials by what they do at their ends (Hermite form), on the unit interval.
 
-A segment of duration T is described by y (7,) per axis: T v, T² a, T³ j at its start, the same at its
-end, and the displacement between the ends. With derivatives scaled by powers of the duration all matrices
-are constant (C. Richter, A. Bry and N. Roy, "Polynomial trajectory planning for aggressive quadrotor flight
-in dense indoor environments", 2016, section 3).
+A segment of duration T whose knots have d free derivatives is described by y (2 d + 1,) per axis: T v, T² a, T³ j
+(the first d of them) at its start, the same at its end, and the displacement between the ends. With derivatives
+scaled by powers of the duration all matrices are constant (C. Richter, A. Bry and N. Roy, "Polynomial trajectory
+planning for aggressive quadrotor flight in dense indoor environments", 2016, section 3).
 """
+
+import math
 
 import numpy as np
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import inlined
 from flightapp.trajectory import ORDER
 
+Order = tuple[int, ...]
+"""A tuple with as many entries as knots have free derivatives: kernels are compiled for each length."""
+ACCELERATION, JERK, SNAP = (0,), (0, 0), (0, 0, 0)
+"""What the smoothest spline has the least of; it is of degree 3, 5 or 7."""
 TERMS = 7
-"""Entries of y."""
-SAMPLES = 7
-"""Intervals between the points of a segment at which the limits are looked at while the times are being optimised."""
-DENSE_SAMPLES = 64
-"""Intervals between the points of a segment at which a plan is measured once it is done."""
-POWERS: Vector = np.array([1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 0.0])
-"""Power of the duration that scales each entry of y."""
-
-
-def _falling(power: int, derivative: int) -> float:
-    factor = 1.0
-    for i in range(derivative):
-        factor *= power - i
-    return factor
+"""Most entries of y."""
+SAMPLES = 8
+"""Points of a segment at which the limits are looked at while the times are optimised: its start, and on evenly."""
 
 
 def _derivative_row(u: float, derivative: int) -> Vector:
     """(8,) d-th derivative at ``u`` of each power of u."""
     row = np.zeros(ORDER)
     for m in range(derivative, ORDER):
-        row[m] = _falling(m, derivative) * u ** (m - derivative)
+        row[m] = math.perm(m, derivative) * u ** (m - derivative)
     return row
 
 
-def _coefficients_of_ends() -> Vector:
-    """(8, 7) ascending coefficients, relative to the start point, of each entry of y."""
-    ends = np.array([_derivative_row(u, d) for u in (0.0, 1.0) for d in range(4)])
+def _coefficients(free: int) -> Vector:
+    """(8, 7) ascending coefficients, relative to the start point, of each entry of y; unused places are zero."""
+    size = 2 * free + 2
+    ends = np.array([_derivative_row(u, d)[:size] for u in (0.0, 1.0) for d in range(free + 1)])
     inverse = np.linalg.inv(ends)
-    matrix = np.ascontiguousarray(inverse[:, [1, 2, 3, 5, 6, 7, 4]])
-    matrix[0] = 0.0
-    matrix[1:4] = 0.0
-    matrix[1, 0], matrix[2, 1], matrix[3, 2] = 1.0, 0.5, 1.0 / 6.0
+    places = [*range(1, free + 1), *range(free + 2, size), free + 1]
+    matrix = np.zeros((ORDER, TERMS))
+    matrix[:size, : size - 1] = inverse[:, places]
+    matrix[: free + 1] = 0.0
+    for m in range(1, free + 1):
+        matrix[m, m - 1] = 1.0 / math.factorial(m)
     return matrix
 
 
-def _energy(derivative: int) -> Vector:
-    """(7, 7) Q with yᵀ Q y the integral over the unit interval of the squared derivative."""
+def _energy(free: int) -> Vector:
+    """(7, 7) Q with yᵀ Q y the integral over the unit interval of the squared derivative of order d + 1."""
+    derivative = free + 1
     gram = np.zeros((ORDER, ORDER))
     for m in range(derivative, ORDER):
         for n in range(derivative, ORDER):
-            gram[m, n] = _falling(m, derivative) * _falling(n, derivative) / (m + n - 2 * derivative + 1)
-    energy = COEFFICIENTS.T @ gram @ COEFFICIENTS
+            gram[m, n] = math.perm(m, derivative) * math.perm(n, derivative) / (m + n - 2 * derivative + 1)
+    energy = COEFFICIENTS[free - 1].T @ gram @ COEFFICIENTS[free - 1]
     symmetric: Vector = 0.5 * (energy + energy.T)
     return symmetric
 
 
-def _sampled(count: int) -> Vector:
-    """(count, 4, 7) position, velocity, acceleration and jerk of each entry of y, at even u in [0, 1]."""
-    places = np.linspace(0.0, 1.0, count)
-    return np.array([[_derivative_row(u, d) @ COEFFICIENTS for d in range(4)] for u in places])
+def _energy_change(free: int) -> Vector:
+    """(7, 7) T / w times what a longer segment adds to w S Q S, with S the powers of T and w those of the energy."""
+    powers = np.zeros(TERMS)
+    powers[:free] = powers[free : 2 * free] = np.arange(1, free + 1)
+    change: Vector = ENERGY[free - 1] * (powers[:, None] + powers[None, :] - 1.0 - 2.0 * free)
+    return change
 
 
-COEFFICIENTS: Vector = _coefficients_of_ends()
-ENERGY: Vector = np.array([_energy(2), _energy(3), _energy(4)])
-"""(3, 7, 7) for acceleration, jerk and snap."""
-BASIS: Vector = np.ascontiguousarray(_sampled(SAMPLES + 1).transpose(1, 2, 0))
-"""(4, 7, samples), so that one entry's part in all samples is contiguous."""
-BASIS_BY_SAMPLE: Vector = np.ascontiguousarray(BASIS.transpose(0, 2, 1))
-"""(4, samples, 7), so that one sample's part in all entries is contiguous."""
-DENSE_BASIS: Vector = _sampled(DENSE_SAMPLES + 1)
+COEFFICIENTS: Vector = np.array([_coefficients(free) for free in (1, 2, 3)])
+"""(3, 8, 7), by d − 1."""
+ENERGY: Vector = np.array([_energy(free) for free in (1, 2, 3)])
+"""(3, 7, 7), by d − 1."""
+ENERGY_CHANGE: Vector = np.array([_energy_change(free) for free in (1, 2, 3)])
+"""(3, 7, 7), by d − 1."""
+PLACES: Vector = np.arange(SAMPLES) / SAMPLES
+"""(samples,) u."""
+DENSER = 8
+"""Times as many points of a segment are looked at once a plan is done."""
+DENSE_PLACES: Vector = np.arange(DENSER * SAMPLES) / (DENSER * SAMPLES)
+"""(denser · samples,) u, at which a plan is measured once it is done."""
+SLOPES: Vector = np.array([[_derivative_row(u, d) for d in (1, 2, 3)] for u in DENSE_PLACES])
+"""(denser · samples, 3, 8) first to third derivative of each power of u at the dense places."""
 
 
-@kernel
-def duration_powers(duration: float, scales: Vector) -> None:
-    """Fill ``scales`` (7,) with the powers of the duration that belong to the entries of y."""
+@inlined
+def segment_ends(order: Order, i: int, duration: float, points: Vector, derivatives: Vector, y: Vector) -> None:
+    """Fill ``y`` (≥ 2 d + 1, 3) of segment ``i``; ``points`` is (n + 1, 3), ``derivatives`` (n + 1, 3, 3) v, a, j."""
+    free = len(order)
     power = 1.0
-    for m in range(3):
+    for q in range(free):
         power *= duration
-        scales[m] = power
-        scales[3 + m] = power
-    scales[6] = 1.0
-
-
-@kernel
-def energy_weight(duration: float, order: int) -> float:
-    """T^(1 − 2r), which makes the energy on the unit interval that of a segment."""
-    power = duration
-    for _ in range(order):
-        power /= duration * duration
-    return power
-
-
-@kernel
-def segment_ends(i: int, scales: Vector, points: Vector, derivatives: Vector, y: Vector) -> None:
-    """Fill ``y`` (7, 3) of segment ``i``, whose `duration_powers` are ``scales``.
-
-    ``points`` is (n + 1, 3); ``derivatives`` (3 (n + 1), 3) has v, a and j of each knot as rows.
-    """
-    for q in range(6):
         for axis in range(3):
-            y[q, axis] = scales[q] * derivatives[3 * i + q, axis]
+            y[q, axis] = power * derivatives[i, q, axis]
+            y[free + q, axis] = power * derivatives[i + 1, q, axis]
     for axis in range(3):
-        y[6, axis] = points[i + 1, axis] - points[i, axis]
+        y[2 * free, axis] = points[i + 1, axis] - points[i, axis]
 
 
-@kernel
-def polynomial_coefficients(times: Vector, points: Vector, derivatives: Vector) -> Vector:
-    """(n, 3, 8) coefficients in ascending powers of the time since each segment's start."""
-    n = times.size
-    out = np.zeros((n, 3, ORDER))
-    y, scales = np.empty((TERMS, 3)), np.empty(TERMS)
-    for i in range(n):
-        duration_powers(times[i], scales)
-        segment_ends(i, scales, points, derivatives, y)
-        for axis in range(3):
-            scale = 1.0
-            for m in range(ORDER):
-                total = 0.0
-                for q in range(TERMS):
-                    total += COEFFICIENTS[m, q] * y[q, axis]
-                out[i, axis, m] = total * scale
-                scale /= times[i]
-            out[i, axis, 0] = points[i, axis]
-    return out
+@inlined
+def segment_polynomial(order: Order, y: Vector, c: Vector) -> None:
+    """Fill ``c`` (8, 3), ascending powers of u relative to the start point, from ``y``."""
+    free = len(order)
+    for axis in range(3):
+        c[0, axis] = 0.0
+        for m in range(1, free + 1):
+            c[m, axis] = COEFFICIENTS[free - 1, m, m - 1] * y[m - 1, axis]
+        for m in range(free + 1, ORDER):
+            total = 0.0
+            if m < 2 * free + 2:
+                for q in range(2 * free + 1):
+                    total += COEFFICIENTS[free - 1, m, q] * y[q, axis]
+            c[m, axis] = total
+
+
+@inlined
+def bend_start(order: Order, duration: float, motion: Vector, c: Vector) -> None:
+    """Give ``c`` (8, 3) the acceleration and jerk of ``motion`` (3, 3: v, a, j) where it starts.
+
+    What is added is p u² (1 − u)⁴ (1 + 4 u) + q u³ (1 − u)⁴, of which position and velocity at both ends, and
+    acceleration and jerk at the far end, are zero.
+    """
+    for axis in range(3):
+        p, q = 0.0, 0.0
+        if len(order) < 2:
+            p = 0.5 * duration**2 * motion[1, axis] - c[2, axis]
+        if len(order) < 3:
+            q = duration**3 / 6.0 * motion[2, axis] - c[3, axis]
+        c[2, axis] += p
+        c[3, axis] += q
+        c[4, axis] -= 10.0 * p + 4.0 * q
+        c[5, axis] += 20.0 * p + 6.0 * q
+        c[6, axis] -= 15.0 * p + 4.0 * q
+        c[7, axis] += 4.0 * p + q
+
+
+@inlined
+def bend_end(order: Order, duration: float, motion: Vector, c: Vector) -> None:
+    """Like `bend_start` where ``c`` ends: p u⁴ (1 − u)² (5 − 4 u) + q u⁴ (1 − u)³ is added."""
+    for axis in range(3):
+        p, q = 0.5 * duration**2 * motion[1, axis], -(duration**3) / 6.0 * motion[2, axis]
+        for m in range(2, ORDER):
+            p -= 0.5 * m * (m - 1.0) * c[m, axis]
+            q += m * (m - 1.0) * (m - 2.0) / 6.0 * c[m, axis]
+        if len(order) > 1:
+            p = 0.0
+        if len(order) > 2:
+            q = 0.0
+        c[4, axis] += 5.0 * p + q
+        c[5, axis] -= 14.0 * p + 3.0 * q
+        c[6, axis] += 13.0 * p + 3.0 * q
+        c[7, axis] -= 4.0 * p + q
+
+
+@inlined
+def pull_start(order: Order, duration: float, motion: Vector, g: Vector) -> float:
+    """Turn the gradient ``g`` (8, 3) by what `bend_start` gave into that by what it got; returns that by T."""
+    by_time = 0.0
+    for axis in range(3):
+        p = g[2, axis] - 10.0 * g[4, axis] + 20.0 * g[5, axis] - 15.0 * g[6, axis] + 4.0 * g[7, axis]
+        q = g[3, axis] - 4.0 * g[4, axis] + 6.0 * g[5, axis] - 4.0 * g[6, axis] + g[7, axis]
+        if len(order) < 2:
+            g[2, axis] -= p
+            by_time += p * duration * motion[1, axis]
+        if len(order) < 3:
+            g[3, axis] -= q
+            by_time += q * 0.5 * duration**2 * motion[2, axis]
+    return by_time
+
+
+@inlined
+def pull_end(order: Order, duration: float, motion: Vector, g: Vector) -> float:
+    """What `pull_start` is to `bend_start`, for `bend_end`."""
+    by_time = 0.0
+    for axis in range(3):
+        p = 5.0 * g[4, axis] - 14.0 * g[5, axis] + 13.0 * g[6, axis] - 4.0 * g[7, axis]
+        q = g[4, axis] - 3.0 * g[5, axis] + 3.0 * g[6, axis] - g[7, axis]
+        if len(order) > 1:
+            p = 0.0
+        if len(order) > 2:
+            q = 0.0
+        for m in range(2, ORDER):
+            g[m, axis] += (m - 1.0) * m * ((m - 2.0) / 6.0 * q - 0.5 * p)
+        by_time += duration * p * motion[1, axis] - 0.5 * duration**2 * q * motion[2, axis]
+    return by_time

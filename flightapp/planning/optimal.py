@@ -1,219 +1,136 @@
-"""From points to a plan that is fast and keeps to the limits.
+"""From points to a plan that is fast and keeps to the limits: one compiled call.
 
-First the times through the points alone; then, where free points are wanted, each leg is divided at points of
-the line found so far, which are moved together with the times; last, an exact step that makes the densely
-sampled plan keep to the limits. The steps are compiled one by one and put together here: compiled as one they
-would be compiled again at every level.
+First the times that a trapezoid of speed (or the last plan) suggests, then descent on them, then an exact step:
+a plan from rest to rest is flown as much faster or slower as brings its densest samples to the limits. A plan with
+motion at an end cannot be: there the descent is repeated, aiming ever further below the limits, until none is exceeded.
 """
 
 import math
-from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
+from flightapp.frames import GRAVITY, Vector
+from flightapp.jit import inlined, lean_kernel
+from flightapp.planning.descent import Search, descend
+from flightapp.planning.guess import guess_times, recall_times
+from flightapp.planning.hermite import DENSE_PLACES, Order
+from flightapp.planning.measure import NARROW, NARROW_RATE, body_rate, slowdown
+from flightapp.planning.penalty import FORCE, LEAST, RATE, SPEED, THRUST
+from flightapp.planning.spline import Spline, divide, piece
+from flightapp.trajectory import ORDER
 
-from flightapp.frames import Vector
-from flightapp.jit import kernel
-from flightapp.planning.descent import descend
-from flightapp.planning.hermite import (
-    DENSE_BASIS,
-    DENSE_SAMPLES,
-    duration_powers,
-    polynomial_coefficients,
-    segment_ends,
-)
-from flightapp.planning.objective import ACCELERATION, CROSSING, SPEED
-
-TOLERATED = 1.001
-"""Ratio to a limit that counts as keeping to it."""
-WEIGHT = 100.0
-"""s per squared relative excess, of the penalty."""
-ROUGH, ANCHORED, FREE = 20, 50, 80
-"""Steps of descent: on times before points are freed, on times alone, on times and points."""
-ROUNDS = 5
-"""Attempts to bring a plan with a moving start within the limits."""
-FIRST_LEG = (1.0, 2.0, 4.0, 0.5)
-"""Factors on the time guessed for the first leg, tried in turn until a plan is good enough."""
-PATIENCE, GRACE = 3.0, 2.0
-"""A plan is late if it takes longer than the first guess by this factor and this many s."""
-ASKEW = 0.07
-"""Shortfall of the cosine of a crossing angle that is put up with (25° may become 33°)."""
-BRIEF = 0.4
-"""Of the median duration of the legs; a leg that takes less is not divided."""
-SHORT = 1e-2
-"""m, a leg is counted as at least this long when its time is guessed."""
+FOUND, EXCEEDED, UNEVEN = 0, 1, 2
+"""Outcomes: a plan; none that keeps to the limits; the arithmetic failed."""
+WEIGHT, WEIGHT_MOVING = 50.0, 200.0
+"""s per squared relative excess, of the penalty; the latter where the plan cannot be flown slower afterwards."""
+BELOW = 0.99
+"""Share of the limits that is aimed at then."""
+TOLERANCE, TOLERANCE_MOVING = 3e-3, 1e-2
+"""Relative descent of one step below which the search is given up; the latter where the plan has moving ends."""
+PATIENCE, PATIENCE_MOVING = 2, 1
+"""Such steps in a row."""
+BENT = 1.0
+"""s, about the part of the first and last segment that is bent to what is asked for at the ends."""
+MOST_BENT = 0.9
+"""Greatest share of a segment that is bent."""
+ROUNDS = 6
+"""Attempts to bring a plan with moving ends within the limits."""
+EVEN = 1.0 + 1e-6
+"""Share of a limit that arithmetic may add."""
+FASTER = 0.9
+"""A plan at rest at its ends may turn out to admit being flown in this share of its time."""
 
 
-@dataclass(slots=True, eq=False)
-class Spline:
-    """A plan in the making: n segments that end at rest."""
-
-    times: Vector
-    """(n,) s."""
-    points: Vector
-    """(n + 1, 3) m."""
-    free: Vector
-    """(n + 1,) 1 where the point may be moved, else 0."""
-    normals: Vector
-    """(n + 1, 3) directions of passage, zero where there is no gate."""
-    derivatives: Vector
-    """(3 (n + 1), 3) v, a and j of each knot."""
-    anchors: NDArray[np.intp]
-    """(m + 1,) which of the points are waypoints."""
-
-    def copy(self) -> "Spline":
-        """One that can be changed without changing this one."""
-        return replace(self, times=self.times.copy(), points=self.points.copy(), derivatives=self.derivatives.copy())
+@inlined
+def _allow(s: Spline, limits: Vector) -> None:
+    """Raise ``limits`` (5,) to what the ends themselves have: that does not count as exceeding them."""
+    for end in range(2):
+        v, a, j = s.ends[end, 0], s.ends[end, 1], s.ends[end, 2]
+        flat, up = a[0] * a[0] + a[1] * a[1], a[2] + GRAVITY
+        force = math.sqrt(flat + up * up)
+        rate = body_rate(a[0], a[1], a[2], j[0], j[1], j[2], 1.0)
+        limits[SPEED] = max(limits[SPEED], EVEN * math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))
+        limits[THRUST] = max(limits[THRUST], EVEN * math.sqrt(flat + a[2] * a[2]))
+        limits[FORCE] = max(limits[FORCE], EVEN * force)
+        limits[LEAST] = min(limits[LEAST], force / EVEN)
+        limits[RATE] = max(limits[RATE], EVEN * rate)
 
 
-@kernel
-def peaks(times: Vector, points: Vector, derivatives: Vector) -> tuple[float, float]:
-    """Greatest speed (m/s) and acceleration (m/s²) among dense samples."""
-    speed, acceleration = 0.0, 0.0
-    y, scales = np.empty((7, 3)), np.empty(7)
-    for i in range(times.size):
-        duration_powers(times[i], scales)
-        segment_ends(i, scales, points, derivatives, y)
-        for k in range(DENSE_SAMPLES + 1):
-            v2, a2 = 0.0, 0.0
-            for axis in range(3):
-                v, a = 0.0, 0.0
-                for q in range(7):
-                    v += DENSE_BASIS[k, 1, q] * y[q, axis]
-                    a += DENSE_BASIS[k, 2, q] * y[q, axis]
-                v2 += v * v
-                a2 += a * a
-            speed = max(speed, math.sqrt(v2) / scales[0])
-            acceleration = max(acceleration, math.sqrt(a2) / scales[1])
-    return speed, acceleration
+@lean_kernel
+def optimise(
+    order: Order, s: Spline, search: Search, limits: Vector, last: tuple[Vector, Vector, float], moving: bool
+) -> int:
+    """Find the times of ``s``; an outcome.
 
-
-def excesses(spline: Spline, limits: Vector) -> tuple[float, float]:
-    """Peaks of speed and acceleration in units of their limits."""
-    speed, acceleration = peaks(spline.times, spline.points, spline.derivatives)
-    return speed / limits[SPEED], acceleration / limits[ACCELERATION]
-
-
-def slowdown(spline: Spline, limits: Vector) -> float:
-    """How many times slower a plan must be flown to keep to the limits exactly."""
-    speed, acceleration = excesses(spline, limits)
-    return max(speed, math.sqrt(acceleration))
-
-
-def stretch(spline: Spline, factor: float) -> None:
-    """Fly a plan that starts and ends at rest ``factor`` times slower, exactly."""
-    spline.times *= factor
-    spline.derivatives.reshape(-1, 3, 3)[:] /= np.array([factor, factor**2, factor**3])[:, None]
-
-
-def first_times(points: Vector, start: Vector, limits: Vector) -> Vector:
-    """(n,) s, a guess for each leg from its length, the limits and the start's velocity."""
-    v_max, a_max = limits[SPEED], limits[ACCELERATION]
-    legs = np.diff(points, axis=0)
-    lengths = np.maximum(np.sqrt((legs * legs).sum(axis=1)), SHORT)
-    times: Vector = np.maximum(lengths / v_max, np.sqrt(2.0 * lengths / a_max))
-    if start.any():
-        ahead = legs[0] / lengths[0]
-        closing = max(float(start[0] @ ahead), 0.0)
-        reached = min(v_max, math.sqrt(closing**2 + 2.0 * a_max * lengths[0]))
-        aside = float(np.linalg.norm(start[0] - closing * ahead))
-        times[0] = 2.0 * lengths[0] / (closing + reached) + 0.5 * aside / a_max
-    return times
-
-
-def divide(spline: Spline, parts: int) -> Spline:
-    """The same line with its legs in ``parts`` of equal duration, whose new ends are free.
-
-    A leg that is brief beside the others stays whole: knots close together make the descent stall.
+    ``limits`` (4, 5) has those to keep to in its first row; the others are room, of which the last is left with the
+    ratios to them. ``last`` are the last plan's points (m + 1, 3) and times (m,), and the s from its start to this.
     """
-    whole = spline.times < BRIEF * np.median(spline.times)
-    counts = np.where(whole, 1, parts)
-    anchors = np.concatenate(([0], np.cumsum(counts)))
-    leg = np.repeat(np.arange(counts.size), counts)
-    part = np.arange(leg.size) - anchors[leg]
-    times = spline.times[leg] / counts[leg]
-    coefficients = polynomial_coefficients(spline.times, spline.points, spline.derivatives)
-    powers = (part * times)[:, None] ** np.arange(8)
-    points = np.vstack((np.einsum("iam,im->ia", coefficients[leg], powers), spline.points[-1:]))
-    free, normals = np.ones(leg.size + 1), np.zeros((leg.size + 1, 3))
-    points[anchors], normals[anchors], free[anchors] = spline.points, spline.normals, 0.0
-    derivatives = np.zeros((3 * (leg.size + 1), 3))
-    derivatives[:3] = spline.derivatives[:3]
-    return Spline(times, points, free, normals, derivatives, anchors)
-
-
-def optimise(waypoints: Vector, directions: Vector, start: Vector, limits: Vector, order: int, knots: int) -> Spline:
-    """A plan through ``waypoints`` (m + 1, 3), which begin with the start; it ends at rest.
-
-    ``directions`` (m + 1, 3) are those of passage, zero for plain points; ``start`` (3, 3) is v, a and j
-    there; ``limits`` is that of `objective`; ``order`` is the derivative to minimise; ``knots`` free points
-    are put into each leg. From rest the plan keeps to speed and acceleration; from a moving start it may
-    exceed them where nothing better was found. Descent finds the nearest minimum: where that is a poor one, it
-    is repeated from other times of the first leg, on which most depends.
-    """
-    guess = first_times(waypoints, start, limits)
-    found: list[tuple[float, int, Spline]] = []
-    for i, factor in enumerate(FIRST_LEG):
-        times = guess.copy()
-        times[0] *= factor
-        spline = _attempt(times, waypoints, directions, start, limits, order, knots)
-        late = float(spline.times.sum()) - PATIENCE * float(guess.sum()) - GRACE
-        score = 1e3 * _faults(spline, limits) + max(late, 0.0)
-        found.append((score if math.isfinite(score) else math.inf, i, spline))
-        if score == 0.0:
-            break
-    return min(found)[2]
-
-
-def _attempt(
-    times: Vector, waypoints: Vector, directions: Vector, start: Vector, limits: Vector, order: int, knots: int
-) -> Spline:
-    """One descent from the ``times`` (m,) guessed for the legs."""
-    free, derivatives = np.zeros(len(waypoints)), np.zeros((3 * len(waypoints), 3))
-    spline = Spline(times, waypoints.copy(), free, directions, derivatives, np.arange(len(waypoints)))
-    spline.derivatives[:3] = start
-    moving = bool(start.any())
-    if not moving:
-        _descend(spline, limits, order, WEIGHT, 0)
-        stretch(spline, slowdown(spline, limits))
-    _descend(spline, limits, order, WEIGHT, ROUGH if knots else ANCHORED)
-    if knots:
-        spline = divide(spline, knots + 1)
-        _descend(spline, limits, order, WEIGHT, FREE)
+    bound, aim, ratios = limits[1], limits[2], limits[3]
+    n = s.times.size
+    for m in range(5):
+        bound[m] = aim[m] = limits[0, m] * (NARROW_RATE if m == RATE else 1.0 / NARROW if m == LEAST else NARROW)
     if moving:
-        return _tighten(spline, limits, order)
-    stretch(spline, max(1.0, slowdown(spline, limits)))
-    return spline
+        _allow(s, bound)
+        for m in range(5):
+            aim[m] *= 1.0 / BELOW if m == LEAST else BELOW
+    guess_times(s, aim, s.factors[:, 0, 0])
+    if last[1].size > 0:
+        recall_times(s, last[0], last[1], last[2])
+    most = MOST_BENT if n > 1 else 0.5 * MOST_BENT
+    divide(s, min(most, BENT / s.times[0]), min(most, BENT / s.times[n - 1]))
+    weight, slow, more = WEIGHT_MOVING if moving else WEIGHT, 1.0 if moving else FASTER, math.inf
+    tolerance, patience = (TOLERANCE_MOVING, PATIENCE_MOVING) if moving else (TOLERANCE, PATIENCE)
+    for attempt in range(ROUNDS):
+        if (moving or attempt == 0) and not descend(order, s, search, aim, weight, tolerance, patience) < math.inf:
+            return UNEVEN
+        more = slowdown(order, s, bound, DENSE_PLACES, slow, ratios)
+        if more == slow or not more < math.inf:
+            break
+        if moving:
+            _tighten(aim, ratios)
+            weight *= 3.0
+        else:
+            slow = more
+    if moving:
+        return FOUND if more == slow else EXCEEDED
+    _stretch(s, slow)
+    return FOUND if slow < math.inf else UNEVEN
 
 
-def _faults(spline: Spline, limits: Vector) -> float:
-    """By how much a plan exceeds the limits and misses the gates' directions, 0 where it does neither."""
-    over = max(excesses(spline, limits)) - TOLERATED
-    velocities = spline.derivatives[::3]
-    gates = spline.normals.any(axis=1)
-    along = (velocities * spline.normals).sum(axis=1)[gates]
-    speeds = np.sqrt((velocities * velocities).sum(axis=1))[gates]
-    askew = limits[CROSSING] - ASKEW - along / np.maximum(speeds, 1e-9)
-    return float(np.maximum(np.max(askew, initial=0.0), over))
+@inlined
+def _tighten(aim: Vector, ratios: Vector) -> None:
+    """Aim further below what was exceeded."""
+    for m in range(5):
+        share = max(1.0 / ratios[m], 0.8)
+        aim[m] = aim[m] / share if m == LEAST else aim[m] * share
 
 
-def _descend(spline: Spline, limits: Vector, order: int, weight: float, steps: int) -> None:
-    descend(spline.times, spline.points, spline.free, spline.normals, limits, order, weight, spline.derivatives, steps)
+@inlined
+def _stretch(s: Spline, slow: float) -> None:
+    """Fly a plan that is at rest at its ends ``slow`` times slower."""
+    for i in range(s.times.size):
+        s.times[i] *= slow
+        power = 1.0
+        for p in range(3):
+            power /= slow
+            for axis in range(3):
+                s.derivatives[i, p, axis] *= power
 
 
-def _tighten(spline: Spline, limits: Vector, order: int) -> Spline:
-    """The plan that exceeds the limits least, found by aiming ever further below them."""
-    aim, weight = limits.copy(), WEIGHT
-    best, least = spline, slowdown(spline, limits)
-    for _ in range(ROUNDS):
-        speed, acceleration = excesses(spline, limits)
-        if max(speed, acceleration) <= TOLERATED:
-            return spline
-        aim[SPEED] *= min(1.0, max(0.9, 1.0 / speed))
-        aim[ACCELERATION] *= min(1.0, max(0.8, 1.0 / acceleration))
-        weight *= 3.0
-        spline = spline.copy()
-        _descend(spline, aim, order, weight, FREE // 2)
-        if slowdown(spline, limits) < least:
-            best, least = spline, slowdown(spline, limits)
-    return best
+@lean_kernel
+def write(order: Order, s: Spline, knots: Vector, coefficients: Vector) -> bool:
+    """Fill ``knots`` (n + 3,) s and ``coefficients`` (n + 2, 3, 8), ascending powers; False where they are not finite.
+
+    The first and last segment are in two parts each, or in three if they are one.
+    """
+    knots[0], total = 0.0, 0.0
+    for p in range(s.times.size + 2):
+        i, _, t = piece(order, p, s, s.y, s.c)
+        knots[p + 1] = knots[p] + t
+        scale = 1.0
+        for m in range(ORDER):
+            for axis in range(3):
+                coefficients[p, axis, m] = scale * s.c[m, axis]
+                if m == 0:
+                    coefficients[p, axis, 0] += s.points[i, axis]
+                total += coefficients[p, axis, m]
+            scale /= t
+    return math.isfinite(total + knots[-1])

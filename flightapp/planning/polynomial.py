@@ -1,116 +1,200 @@
-"""The polynomial planner: smooth, fast trajectories through gates or waypoints.
+"""The polynomial planner: smooth, fast trajectories exactly through the centres of gates, or through waypoints.
 
-All plans are splines of degree 7 with continuous position, velocity, acceleration and jerk, among which the
-one with the least squared acceleration, jerk or snap is taken (D. Mellinger and V. Kumar, 2011; C. Richter,
-A. Bry and N. Roy, 2016), in the least time that the limits allow. They start with any motion, so that a plan
-made in flight takes over without a step, and end at rest.
+Of all splines through the points the one with the least squared acceleration, jerk or snap is taken (D. Mellinger
+and V. Kumar, 2011; C. Richter, A. Bry and N. Roy, 2016), in the least time that the limits and the vehicle allow. Its
+first and last segment are bent so that acceleration and jerk at both ends are those that are asked for.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from flightapp.config import Config
-from flightapp.frames import Vector
-from flightapp.interfaces import PlanningError, PlanRequest
-from flightapp.planning.heading import heading_pieces
-from flightapp.planning.hermite import polynomial_coefficients
-from flightapp.planning.optimal import Spline, optimise, peaks
-from flightapp.planning.request import Route, check_request, gate_route, point_route
+from flightapp.frames import GRAVITY, Vector
+from flightapp.interfaces import Limits, PlanningError, PlanRequest
+from flightapp.planning.descent import search
+from flightapp.planning.facing import Heading
+from flightapp.planning.hermite import ACCELERATION, JERK, SNAP, Order
+from flightapp.planning.optimal import EXCEEDED, FOUND, UNEVEN, optimise, write
+from flightapp.planning.request import SAME_POINT, Route, check_request, gate_route, point_route
+from flightapp.planning.spline import Spline, spline
 from flightapp.trajectory import ORDER, Trajectory
 
-ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4}
-SPEED_EXCESS, ACCELERATION_EXCESS = 1.1, 1.25
-"""Ratios to the limits up to which a plan from a start that does not admit a better one is returned."""
-FLOOR_BELOW = 0.3
-"""m that a plan may sag below its lowest point."""
+ORDERS: dict[str, Order] = {"acceleration": ACCELERATION, "jerk": JERK, "snap": SNAP}
+RAMP = 1.0
+"""Times v²/a, the way on which a long single leg gathers speed."""
 REST = 0.2
 """s that a plan takes that stays where it is."""
+LEAST_FORCE = 1e-3
+"""m/s², below which there is no direction of thrust."""
+ASKEW, REFUSED = math.cos(math.radians(35.0)), math.cos(math.radians(65.0))
+"""Cosines of the angle to a gate's direction beyond which runs straight through it are tried, and of the greatest."""
+RUN = (0.3, 1.5)
+"""m, bounds of that run: short of it is 0.4 of the shorter of the legs that meet in the gate."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Last:
+    """What is remembered of a plan, to begin the search for the next one with."""
+
+    stamp: float
+    points: Vector
+    times: Vector
+
+
+_NOTHING = _Last(0.0, np.empty((0, 3)), np.empty(0))
 
 
 class PolynomialPlanner:
-    """Plans through gates with free knots between them, and through waypoints without.
+    """Plans through gates and waypoints, which it meets exactly.
 
-    Gates are crossed at their centres, within `planning.crossing_deg` of the direction of passage where that
-    can be flown. Besides the request's limits a plan keeps (softly) to shares of the vehicle's thrust and
-    body rates.
+    Besides the request's limits a plan keeps to shares of the vehicle's thrust and body rates. A plan from rest
+    depends on its request alone; one in flight is sought from the times of the plan before, which it resembles.
     """
 
     def __init__(self, config: Config) -> None:
-        self._planning = config.planning
-        self._order = ORDERS[config.planning.minimise]
-        self._force = config.planning.thrust_share * config.vehicle.thrust_max
-        self._rate = config.planning.rate_share * config.vehicle.rate_max
+        planning = config.planning
+        self._heading = Heading(config)
+        self._order = ORDERS[planning.minimise]
+        self._vehicle = (
+            planning.thrust_share * config.vehicle.thrust_max,
+            max(config.guard.thrust_min, LEAST_FORCE),
+            planning.rate_share * config.vehicle.rate_max,
+        )
+        self._last = _NOTHING
 
     def plan(self, request: PlanRequest) -> Trajectory:
         """A trajectory through the gates of ``request``; raises `PlanningError`."""
         check_request(request)
-        return self._along(gate_route(request), request, self._planning.free_knots)
+        route = gate_route(request)
+        trajectory, askew = self._along(route, request)
+        if askew and min(askew.values()) < ASKEW:
+            trajectory, askew = self._straighter(route, request, trajectory, askew)
+        if askew and min(askew.values()) < REFUSED:
+            worst = min(askew, key=lambda k: askew[k])
+            raise PlanningError(
+                f"gate {request.gates[worst].gate_id} would be crossed at {math.degrees(math.acos(askew[worst])):.0f}°"
+                " to its direction of passage: lead up to it with waypoints, or move its neighbours"
+            )
+        return trajectory
 
     def through(self, waypoints: Vector, request: PlanRequest) -> Trajectory:
         """A trajectory through ``waypoints`` (n, 3) m, heading along the path; raises `PlanningError`."""
         check_request(request)
-        route = point_route(waypoints, request)
-        return self._along(route, request, self._planning.free_knots if len(route.points) == 2 else 0)
+        return self._along(point_route(waypoints, request), request)[0]
 
-    def _along(self, route: Route, request: PlanRequest, knots: int) -> Trajectory:
-        start = request.start
-        motion = np.array([start.velocity, start.acceleration, start.jerk], float)
-        if len(route.points) == 2 and not motion.any() and np.ptp(route.points, axis=0).max() < 1e-3:
-            times, coefficients, anchors = np.array([REST]), np.zeros((1, 3, ORDER)), np.arange(2)
-            coefficients[0, :, 0] = route.points[0]
+    def _with_cruise(self, route: Route, limits: Limits) -> Route:
+        """``route``, a single leg; a long one with points where the cruise at v_max begins and ends."""
+        leg = route.points[1] - route.points[0]
+        length = float(np.linalg.norm(leg))
+        a_max = min(limits.a_max, math.sqrt(max(self._vehicle[0] ** 2 - GRAVITY**2, 0.0)))
+        ramp = RAMP * limits.v_max**2 / a_max if a_max > 0.0 else math.inf
+        if not 3.0 * ramp < length:
+            return route
+        share = ramp / length * leg
+        points = np.array((route.points[0], route.points[0] + share, route.points[1] - share, route.points[1]))
+        directions = np.zeros((4, 3))
+        return Route(points, directions, tuple(3 * place for place in route.gate_places))
+
+    def _straighter(
+        self, route: Route, request: PlanRequest, trajectory: Trajectory, cosines: dict[int, float]
+    ) -> tuple[Trajectory, dict[int, float]]:
+        """The better of ``trajectory`` and one that is led straight through the gates that it crosses askew."""
+        askew = {route.gate_places[k] for k, cosine in cosines.items() if cosine < ASKEW}
+        try:
+            other, found = self._along(_with_runs(route, askew), request)
+        except PlanningError:
+            return trajectory, cosines
+        return (other, found) if min(found.values()) > min(cosines.values()) else (trajectory, cosines)
+
+    def _along(self, route: Route, request: PlanRequest) -> tuple[Trajectory, dict[int, float]]:
+        """The trajectory, and the cosines of the angles at which it crosses gates, by their index."""
+        if len(route.points) == 2:
+            route = self._with_cruise(route, request.limits)
+        start, n = request.start, len(route.points) - 1
+        ends = np.zeros((2, 3, 3))
+        ends[0, 0], ends[0, 1], ends[0, 2] = start.velocity, start.acceleration, start.jerk
+        if request.arrival is not None:
+            ends[1] = request.arrival
+        knots, coefficients = np.empty(n + 3), np.empty((n + 2, 3, ORDER))
+        cosines: dict[int, float] = {}
+        moving = bool(np.count_nonzero(ends))
+        if n == 1 and not moving and math.dist(route.points[0], route.points[1]) < SAME_POINT:
+            knots[:] = 0.0, 0.25 * REST, 0.75 * REST, REST
+            coefficients[:] = 0.0
+            coefficients[:, :, 0] = route.points[0]
         else:
-            limits = self._limits(route, motion, request)
-            spline = optimise(route.points, route.directions, motion, limits, self._order, knots)
-            _judge(spline, request)
-            times, anchors = spline.times, spline.anchors
-            coefficients = polynomial_coefficients(spline.times, spline.points, spline.derivatives)
-        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(coefficients))):
-            raise PlanningError("the route is too uneven for the arithmetic: no finite trajectory was found")
-        places = np.concatenate(([0.0], np.cumsum(times)))
-        passages = [float(places[anchors[place]]) for place in route.gate_places]
-        return self._facing(places, coefficients, passages, request)
+            s = spline(route.points, ends)
+            self._optimise(s, request, moving)
+            if not write(self._order, s, knots, coefficients):
+                raise PlanningError(_refusal(UNEVEN, knots, request.limits, self._vehicle))
+            cosines = _cosines(s, route)
+        passages = [float(knots[place + (place > 0) + (place == n)]) for place in route.gate_places]
+        return self._heading.complete(knots, coefficients, passages, request), cosines
 
-    def _limits(self, route: Route, motion: Vector, request: PlanRequest) -> Vector:
-        """(6,) for `objective`; a start at its limit does not count as exceeding it."""
-        return np.array(
-            [
-                max(request.limits.v_max, float(np.linalg.norm(motion[0]))),
-                max(request.limits.a_max, float(np.linalg.norm(motion[1]))),
-                self._force,
-                self._rate,
-                float(route.points[:, 2].min()) - FLOOR_BELOW,
-                math.cos(math.radians(self._planning.crossing_deg)),
-            ]
-        )
-
-    def _facing(self, places: Vector, coefficients: Vector, passages: list[float], request: PlanRequest) -> Trajectory:
-        gates = request.gates if passages else ()
-        aims = np.array([gate.position for gate in gates], float).reshape(-1, 3)
-        watch = np.full(3, np.nan) if request.look_at is None else np.array(request.look_at, float)
-        yaw_knots, yaw_coefficients, used = heading_pieces(
-            places,
-            coefficients,
-            float(request.start.yaw),
-            float(request.start.yaw_rate),
-            aims,
-            np.array(passages),
-            watch,
-            float(request.limits.yaw_rate_max),
-            self._planning.yaw_acceleration,
-        )
-        ids = tuple(gate.gate_id for gate in gates)
-        return Trajectory(
-            request.stamp, places, coefficients, yaw_knots[: used + 1], yaw_coefficients[:used], ids, tuple(passages)
-        )
+    def _optimise(self, s: Spline, request: PlanRequest, moving: bool) -> None:
+        limits = np.empty((4, 5))
+        limits[0] = request.limits.v_max, request.limits.a_max, *self._vehicle
+        if limits[0, 2] <= GRAVITY:
+            raise PlanningError(
+                f"the thrust that plans may use, {limits[0, 2]:.2f} m/s², does not lift the vehicle: raise"
+                " planning.thrust_share or vehicle.thrust_to_weight"
+            )
+        outcome = EXCEEDED
+        for last in (self._last, _NOTHING) if moving and self._last.times.size else (_NOTHING,):
+            memory = (last.points, last.times, request.stamp - last.stamp)
+            outcome = optimise(self._order, s, search(s.times.size), limits, memory, moving)
+            if outcome == FOUND:
+                break
+        if outcome != FOUND:
+            raise PlanningError(_refusal(outcome, limits[3], request.limits, self._vehicle))
+        self._last = _Last(request.stamp, s.points, s.times)
 
 
-def _judge(spline: Spline, request: PlanRequest) -> None:
-    """Refuse a plan that exceeds the limits by more than can be put up with."""
-    peak = peaks(spline.times, spline.points, spline.derivatives)
-    speed, acceleration = peak[0] / request.limits.v_max, peak[1] / request.limits.a_max
-    if not (speed <= SPEED_EXCESS and acceleration <= ACCELERATION_EXCESS):
-        raise PlanningError(
-            f"no plan from this start keeps to the limits: the best reaches {peak[0]:.2f} m/s of"
-            f" {request.limits.v_max:g} and {peak[1]:.2f} m/s² of {request.limits.a_max:g}"
-        )
+def _refusal(outcome: int, ratios: Vector, limits: Limits, vehicle: tuple[float, float, float]) -> str:
+    """Why there is no plan; ``ratios`` (5,) are those of the best one to the limits."""
+    if outcome == UNEVEN:
+        return "the route is too uneven for the arithmetic: no finite trajectory was found; space its points evenly"
+    bounds = (limits.v_max, limits.a_max, *vehicle)
+    names = (
+        "m/s of v_max",
+        "m/s² of a_max",
+        "m/s² of the greatest thrust",
+        "m/s² of the least thrust",
+        "rad/s of the body rate",
+    )
+    over = [
+        f"{bound / ratio if k == 3 else bound * ratio:.2f} {name} = {bound:.4g}"
+        for k, (ratio, bound, name) in enumerate(zip(ratios.tolist(), bounds, names, strict=True))
+        if ratio > 1.0
+    ]
+    return f"no plan with this motion at its ends keeps to the limits: the best has {', '.join(over)}"
+
+
+def _cosines(s: Spline, route: Route) -> dict[int, float]:
+    """Cosines of the angles between the velocity in gates and their directions, by the gate's index."""
+    cosines = {}
+    for k, place in enumerate(route.gate_places):
+        velocity, direction = s.derivatives[place, 0].tolist(), route.directions[place].tolist()
+        if place > 0 and any(direction):
+            along = sum(v * d for v, d in zip(velocity, direction, strict=True))
+            cosines[k] = max(along / max(math.hypot(*velocity), 1e-9), -1.0)
+    return cosines
+
+
+def _with_runs(route: Route, askew: set[int]) -> Route:
+    """``route`` with a point before and one behind each of the gates whose places are ``askew``."""
+    points, directions, where, plain = [], [], [], np.zeros(3)
+    legs = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
+    for place, (point, direction) in enumerate(zip(route.points, route.directions, strict=True)):
+        if place in askew:
+            run = min(max(0.4 * min(legs[place - 1], legs[place]), RUN[0]), RUN[1]) * direction
+            points += [point - run, point, point + run]
+            directions += [plain, direction, plain]
+            where.append(len(points) - 2)
+        else:
+            points.append(point)
+            directions.append(direction)
+            where.append(len(points) - 1)
+    return Route(np.array(points), np.array(directions), tuple(where[place] for place in route.gate_places))

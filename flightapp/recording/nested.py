@@ -16,7 +16,10 @@ from flightapp.frames import Vector
 from flightapp.messages import Drift, GateEstimate, GateMap, GateSighting, MarkerDetection, Sightings
 from flightapp.recording.wire import PACKAGE, Encode, Layout, descriptor, descriptor_set, prefix
 
-_GATE_FIELDS = {"gate_id": -1, "position": 3, "yaw": 0, "covariance": 16, "sightings": -1, "last_seen": 0}
+_GATE_FIELDS = {
+    **{"gate_id": -1, "position": 3, "yaw": 0, "covariance": 16, "sightings": -1, "last_seen": 0},
+    "surveyed": -1,
+}
 _DRIFT_FIELDS = {"stamp": 0, "translation": 3, "yaw": 0, "covariance": 16}
 _MARKER_FIELDS = {"marker_id": -1, "corners": 8}
 _SIGHTING_FIELDS = {
@@ -51,7 +54,7 @@ def _encode_gate(m: GateEstimate) -> bytes:
     t = _GATE.tags
     return _GATE.pack(
         *(t[0], m.gate_id, t[1], *m.position.tolist(), t[2], m.yaw),
-        *(t[3], *m.covariance.ravel().tolist(), t[4], m.sightings, t[5], m.last_seen),
+        *(t[3], *m.covariance.ravel().tolist(), t[4], m.sightings, t[5], m.last_seen, t[6], m.surveyed),
     )
 
 
@@ -100,7 +103,8 @@ def _array(values: Any, *shape: int) -> Vector:
 
 
 def _gate(m: Any) -> GateEstimate:
-    return GateEstimate(m.gate_id, _array(m.position, 3), m.yaw, _array(m.covariance, 4, 4), m.sightings, m.last_seen)
+    covariance, surveyed = _array(m.covariance, 4, 4), bool(m.surveyed)
+    return GateEstimate(m.gate_id, _array(m.position, 3), m.yaw, covariance, m.sightings, m.last_seen, surveyed)
 
 
 def _map(m: Any) -> GateMap:

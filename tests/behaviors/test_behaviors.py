@@ -136,6 +136,7 @@ def planned(context, end, delay=0.1, refuse=""):
         await asyncio.sleep(delay)
         now = context.now()
         if not refuse:
+            context.line.clear()
             context.line.accept(hover(now, np.array(end), 0.0, duration=1.0))
         context.bus.plan.publish(PlanReport(now, delay, not refuse, refuse))
 

@@ -1,4 +1,4 @@
-"""The spline and its cost, beside dense algebra and finite differences."""
+"""The spline, its cost and its ends, beside dense algebra and finite differences."""
 
 import math
 
@@ -7,122 +7,124 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flightapp.planning.hermite import ENERGY, POWERS, polynomial_coefficients
-from flightapp.planning.minimum import BAND, smoothest
+from flightapp.jit import lean_kernel
+from flightapp.planning.hermite import ACCELERATION, JERK, SNAP
+from flightapp.planning.minimum import smoothest
 from flightapp.planning.objective import cost
+from flightapp.planning.optimal import write
+from flightapp.planning.spline import divide, spline
 
-ORDERS = (2, 3, 4)
+ORDERS = (ACCELERATION, JERK, SNAP)
+LIMITS = np.array([4.0, 8.0, 20.0, 5.0, 3.6])
+
+
+@lean_kernel
+def bend(s, first, last):
+    divide(s, first, last)
 
 
 def random_spline(seed, n):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(n + 1, 3)) * 5.0
-    points[:, 2] = rng.uniform(0.5, 3.0, n + 1)
-    derivatives = np.zeros((3 * (n + 1), 3))
-    derivatives[:3] = rng.normal(size=(3, 3))
-    return rng.uniform(0.5, 2.0, n), points, derivatives
+    s = spline(points, rng.normal(size=(2, 3, 3)))
+    s.times[:] = rng.uniform(0.5, 2.0, n)
+    bend(s, 0.3, 0.4)
+    return s
 
 
-def derivative_row(t, d):
-    return np.array([math.perm(m, d) * t ** (m - d) if m >= d else 0.0 for m in range(8)])
+def solve(order, s):
+    return smoothest(order, s.times, s.points, s.ends, s.derivatives, s.factors, s.couplings)
 
 
-def dense_spline(times, points, derivatives, order):
-    """Coefficients (n, 3, 8) from the Karush-Kuhn-Tucker system in the coefficients themselves."""
-    n = times.size
-    quadratic = np.zeros((8 * n, 8 * n))
+def derivative_row(t, d, size=8):
+    return np.array([math.perm(m, d) * t ** (m - d) if m >= d else 0.0 for m in range(size)])
+
+
+def dense_derivatives(order, s):
+    """(n + 1, d, 3) from the Karush-Kuhn-Tucker system in the coefficients themselves."""
+    free, n, size = len(order), s.times.size, 2 * len(order) + 2
+    quadratic = np.zeros((size * n, size * n))
     rows, right = [], []
 
     def constrain(parts, value):
-        row = np.zeros(8 * n)
+        row = np.zeros(size * n)
         for segment, values in parts:
-            row[8 * segment : 8 * segment + 8] += values
+            row[size * segment : size * segment + size] += values
         rows.append(row)
         right.append(value)
 
-    for i, duration in enumerate(times):
+    for i, duration in enumerate(s.times):
         nodes, weights = np.polynomial.legendre.leggauss(12)
         for node, weight in zip(nodes, weights, strict=True):
-            r = derivative_row(0.5 * duration * (node + 1.0), order)
-            quadratic[8 * i : 8 * i + 8, 8 * i : 8 * i + 8] += 0.5 * duration * weight * np.outer(r, r)
-        constrain([(i, derivative_row(0.0, 0))], points[i])
-        constrain([(i, derivative_row(duration, 0))], points[i + 1])
+            r = derivative_row(0.5 * duration * (node + 1.0), free + 1, size)
+            part = slice(size * i, size * i + size)
+            quadratic[part, part] += 0.5 * duration * weight * np.outer(r, r)
+        constrain([(i, derivative_row(0.0, 0, size))], s.points[i])
+        constrain([(i, derivative_row(duration, 0, size))], s.points[i + 1])
         if i + 1 < n:
-            for d in (1, 2, 3):
-                constrain([(i, derivative_row(duration, d)), (i + 1, -derivative_row(0.0, d))], np.zeros(3))
-    for d in (1, 2, 3):
-        constrain([(0, derivative_row(0.0, d))], derivatives[d - 1])
-        constrain([(n - 1, derivative_row(times[-1], d))], np.zeros(3))
+            for d in range(1, free + 1):
+                ends = [(i, derivative_row(duration, d, size)), (i + 1, -derivative_row(0.0, d, size))]
+                constrain(ends, np.zeros(3))
+    for d in range(1, free + 1):
+        constrain([(0, derivative_row(0.0, d, size))], s.ends[0, d - 1])
+        constrain([(n - 1, derivative_row(s.times[-1], d, size))], s.ends[1, d - 1])
     A = np.array(rows)
     system = np.block([[quadratic, A.T], [A, np.zeros((len(A), len(A)))]])
-    known = np.vstack([np.zeros((8 * n, 3)), np.array(right)])
-    return np.linalg.lstsq(system, known, rcond=1e-15)[0][: 8 * n].reshape(n, 8, 3).transpose(0, 2, 1)
+    known = np.vstack([np.zeros((size * n, 3)), np.array(right)])
+    c = np.linalg.lstsq(system, known, rcond=1e-15)[0][: size * n].reshape(n, size, 3)
+    at_starts = [[derivative_row(0.0, d, size) @ c[i] for d in range(1, free + 1)] for i in range(n)]
+    return np.array([*at_starts, [derivative_row(s.times[-1], d, size) @ c[-1] for d in range(1, free + 1)]])
 
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("n", [1, 2, 5])
-def test_the_banded_solution_is_that_of_the_dense_system(order, n):
-    times, points, derivatives = random_spline(order + 10 * n, n)
-    assert smoothest(times, points, order, derivatives, np.empty((3 * (n - 1), BAND)))
-    ours = polynomial_coefficients(times, points, derivatives)
-    dense = dense_spline(times, points, derivatives, order)
+def test_the_solution_is_that_of_the_dense_system(order, n):
+    s = random_spline(len(order) + 10 * n, n)
+    assert solve(order, s)
+    dense = dense_derivatives(order, s)
+    ours = s.derivatives[:, : len(order)]
     np.testing.assert_allclose(ours, dense, rtol=1e-6, atol=1e-6 * np.abs(dense).max())
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10_000), n=st.integers(2, 20), order=st.sampled_from(ORDERS))
-def test_position_to_jerk_are_continuous_at_the_knots(seed, n, order):
-    times, points, derivatives = random_spline(seed, n)
-    assert smoothest(times, points, order, derivatives, np.empty((3 * (n - 1), BAND)))
-    c = polynomial_coefficients(times, points, derivatives)
-    for i in range(n - 1):
-        for d in range(4):
-            before, after = c[i] @ derivative_row(times[i], d), c[i + 1] @ derivative_row(0.0, d)
-            np.testing.assert_allclose(before, after, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(derivatives).max()))
-        np.testing.assert_allclose(c[i, :, 0], points[i])
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 20), order=st.sampled_from(ORDERS))
+def test_a_plan_goes_through_its_points_without_a_step_and_has_the_ends_asked_for(seed, n, order):
+    s = random_spline(seed, n)
+    assert solve(order, s)
+    knots, c = np.empty(n + 3), np.empty((n + 2, 3, 8))
+    assert write(order, s, knots, c)
+    assert knots[-1] == pytest.approx(s.times.sum())
+    scale = max(1.0, np.abs(c).max())
+    for d in range(1, 4):
+        np.testing.assert_allclose(c[0] @ derivative_row(0.0, d), s.ends[0, d - 1], atol=1e-9 * scale)
+        np.testing.assert_allclose(c[-1] @ derivative_row(np.diff(knots)[-1], d), s.ends[1, d - 1], atol=1e-9 * scale)
+    for i, duration in enumerate(np.diff(knots)[:-1]):
+        for d in range(min(len(order), 2) + 2):
+            before, after = c[i] @ derivative_row(duration, d), c[i + 1] @ derivative_row(0.0, d)
+            np.testing.assert_allclose(before, after, rtol=1e-9, atol=1e-9 * scale)
+    np.testing.assert_allclose(c[:, :, 0][[0, *range(2, n + 1)]], s.points[:-1])
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_any_other_derivatives_at_the_knots_cost_more_energy(order):
-    times, points, derivatives = random_spline(4, 6)
-    smoothest(times, points, order, derivatives, np.empty((15, BAND)))
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_the_gradient_is_that_of_finite_differences(order, n):
+    s = random_spline(1, n)
+    gradient, unused = np.empty(n), np.empty(n)
+    assert cost(order, s, LIMITS, 1.0, gradient) > s.times.sum()
+    times, step = s.times.copy(), 1e-6
 
-    def energy(rows):
-        total = 0.0
-        for i, duration in enumerate(times):
-            y = np.vstack([rows[3 * i : 3 * i + 6], points[i + 1] - points[i]]) * (duration**POWERS)[:, None]
-            total += duration ** (1 - 2 * order) * np.einsum("qa,qp,pa->", y, ENERGY[order - 2], y)
-        return total
+    def at(i, change):
+        s.times[:] = times
+        s.times[i] *= math.exp(change)
+        return cost(order, s, LIMITS, 1.0, unused)
 
-    least = energy(derivatives)
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        other = derivatives.copy()
-        other[3:-3] += rng.normal(0.0, 0.1, other[3:-3].shape)
-        assert energy(other) > least
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_the_gradient_is_that_of_finite_differences(order):
-    n = 5
-    times, points, derivatives = random_spline(1, n)
-    normals = np.zeros((n + 1, 3))
-    normals[2], normals[3] = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-    limits = np.array([4.0, 8.0, 20.0, 3.6, 1.0, 0.9])
-    by_time, by_point, unused = np.empty(n), np.empty((n + 1, 3)), (np.empty(n), np.empty((n + 1, 3)))
-    value = cost(times, points, normals, limits, order, 1.0, derivatives, by_time, by_point)
-    assert value > times.sum()
-
-    def at(moved_times, moved_points):
-        return cost(moved_times, moved_points, normals, limits, order, 1.0, derivatives.copy(), *unused)
-
-    step = 1e-6
     for i in range(n):
-        nudge = step * np.eye(n)[i]
-        slope = (at(times + nudge, points) - at(times - nudge, points)) / (2.0 * step)
-        assert by_time[i] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(by_time).max())
-    for place in np.ndindex(n + 1, 3):
-        nudge = np.zeros((n + 1, 3))
-        nudge[place] = step
-        slope = (at(times, points + nudge) - at(times, points - nudge)) / (2.0 * step)
-        assert by_point[place] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(by_point).max())
+        slope = (at(i, step) - at(i, -step)) / (2.0 * step)
+        assert gradient[i] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(gradient).max())
+
+
+def test_within_the_limits_the_cost_is_the_duration():
+    s = random_spline(2, 4)
+    gradient = np.empty(4)
+    assert cost(JERK, s, np.array([1e3, 1e3, 1e3, 1e-3, 1e3]), 50.0, gradient) == pytest.approx(s.times.sum())
+    np.testing.assert_allclose(gradient, s.times)

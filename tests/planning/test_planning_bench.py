@@ -23,7 +23,7 @@ def test_plan_through_points(benchmark, points):
     way = winding(points)
     request = PlanRequest(0.0, at_rest(way[0]), (), way[-1], Limits(4.0, 8.0, 3.0))
     trajectory = benchmark(PLANNER.through, way, request)
-    assert trajectory.knots.size == points
+    np.testing.assert_allclose(trajectory.sample(trajectory.duration).position, way[-1], atol=1e-6)
 
 
 @pytest.mark.parametrize("points", [6, 14, 26])
@@ -31,10 +31,20 @@ def test_replan_through_points(benchmark, points):
     way = winding(points)
     request = PlanRequest(0.0, at_rest(way[0]), (), way[-1], Limits(4.0, 8.0, 3.0))
     plan = PLANNER.through(way, request)
-    t = 0.5 * (plan.knots[1] + plan.knots[2])
+    t = 0.5 * (plan.knots[2] + plan.knots[3])
     again = PlanRequest(t, motion_at(plan, t), (), way[-1], request.limits)
     trajectory = benchmark(PLANNER.through, way[2:], again)
-    assert trajectory.knots.size == points - 1
+    np.testing.assert_allclose(trajectory.sample(trajectory.duration).position, way[-1], atol=1e-6)
+
+
+@pytest.mark.parametrize("points", [250, 500, 1000])
+def test_time_grows_linearly_with_points(benchmark, points):
+    way = winding(points)
+    request = PlanRequest(0.0, at_rest(way[0]), (), way[-1], Limits(4.0, 8.0, 3.0))
+    trajectory = benchmark(PLANNER.through, way, request)
+    if benchmark.stats is not None:
+        benchmark.extra_info["µs per point"] = 1e6 * benchmark.stats.stats.median / points
+    assert trajectory.limits(0.05).speed <= 4.004
 
 
 def test_plan_a_race(benchmark):

@@ -25,7 +25,6 @@ from planning_tracks import (
 
 from flightapp.config import Config, Planning, Vehicle
 from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
-from flightapp.planning.limits import trajectory_peaks
 from flightapp.planning.polynomial import PolynomialPlanner
 
 PLANNER = PolynomialPlanner(Config())
@@ -33,7 +32,7 @@ AGILE = PolynomialPlanner(Config(vehicle=Vehicle(thrust_to_weight=8.0, rate_max=
 
 
 def keeps_limits(trajectory, limits):
-    peaks = trajectory_peaks(trajectory)
+    peaks = trajectory.limits()
     assert peaks.speed <= 1.001 * limits.v_max
     assert peaks.acceleration <= 1.001 * limits.a_max
     assert peaks.yaw_rate <= limits.yaw_rate_max * (1.0 + 1e-9)
@@ -87,16 +86,16 @@ def test_gates_far_from_their_prior_are_crossed_in_their_direction(track):
         request = request_for(TRACKS[track], shift=rng)
         trajectory = PLANNER.plan(request)
         keeps_limits(trajectory, request.limits)
-        assert crossing_angles(trajectory, request).max() <= 35.0
+        assert crossing_angles(trajectory, request).max() <= 65.0
 
 
 def test_plans_keep_to_the_vehicles_thrust_and_rates():
     config = Config(vehicle=Vehicle(thrust_to_weight=2.8, rate_max=6.0))
     planner = PolynomialPlanner(config)
     for track in (FIVE_GATES, FIVE_GATES_LOOP, FOUR_GATES):
-        peaks = trajectory_peaks(planner.plan(request_for(track, v_max=30.0, a_max=50.0)))
-        assert peaks.specific_force <= 1.02 * 0.9 * config.vehicle.thrust_max
-        assert peaks.body_rate <= 1.02 * 0.6 * config.vehicle.rate_max
+        peaks = planner.plan(request_for(track, v_max=30.0, a_max=50.0)).limits()
+        assert peaks.specific_force <= 1.001 * 0.9 * config.vehicle.thrust_max
+        assert peaks.body_rate <= 1.001 * 0.6 * config.vehicle.rate_max
 
 
 @settings(max_examples=20, deadline=None)
@@ -110,9 +109,7 @@ def test_a_replan_takes_over_without_a_step(seed, track, part):
     old, new = plan.sample(t), after.sample(0.0)
     for field in ("position", "velocity", "acceleration", "jerk", "yaw", "yaw_rate"):
         np.testing.assert_allclose(getattr(new, field), getattr(old, field), atol=1e-9)
-    peaks = trajectory_peaks(after)
-    assert peaks.speed <= 1.1 * request.limits.v_max
-    assert peaks.acceleration <= 1.25 * request.limits.a_max
+    keeps_limits(after, request.limits)
 
 
 def test_replans_of_an_unchanged_track_keep_to_the_limits_and_lose_little_time():
@@ -120,9 +117,9 @@ def test_replans_of_an_unchanged_track_keep_to_the_limits_and_lose_little_time()
     plan = PLANNER.plan(request)
     for t in np.linspace(0.3, 0.97, 12) * plan.duration:
         after = PLANNER.plan(replan_request(request, plan, t))
-        peaks = trajectory_peaks(after)
-        assert peaks.speed <= 1.002 * request.limits.v_max
-        assert peaks.acceleration <= 1.002 * request.limits.a_max
+        peaks = after.limits()
+        assert peaks.speed <= 1.001 * request.limits.v_max
+        assert peaks.acceleration <= 1.001 * request.limits.a_max
         assert after.duration <= 1.1 * (plan.duration - t) + 0.3
 
 
@@ -133,7 +130,7 @@ def test_a_lemniscate_is_flown_in_the_known_time(v_max, exact):
     trajectory = AGILE.through(waypoints, request)
     keeps_limits(trajectory, request.limits)
     assert trajectory.duration <= exact
-    places = trajectory.sample(trajectory.knots).position
+    places = trajectory.sample(np.delete(trajectory.knots, [1, -2])).position
     np.testing.assert_allclose(places, waypoints, atol=1e-8)
     assert trajectory.gate_ids == () and trajectory.gate_times == ()
 
@@ -149,6 +146,35 @@ def test_a_single_leg_is_flown_at_speed():
     for trajectory in (PLANNER.plan(request), PLANNER.through(np.array([[20.0, 0.0, 1.0]]), request)):
         keeps_limits(trajectory, request.limits)
         assert trajectory.duration <= 20.0 / 4.0 + 4.0 / 8.0 + 1.2
+
+
+def test_a_gate_to_be_crossed_backwards_is_led_up_to_or_refused():
+    around = (gate(1, 5, 0, 2, math.pi), gate(2, 12, 0, 2, 0.0))
+    request = PlanRequest(0.0, at_rest((0, 0, 2)), around, np.array([15.0, 0.0, 2.0]), Limits(4.0, 8.0, 3.0))
+    try:
+        trajectory = PLANNER.plan(request)
+    except PlanningError as error:
+        assert "gate 1 would be crossed at" in str(error)
+    else:
+        assert crossing_angles(trajectory, request).max() <= 65.0
+
+
+def test_an_arrival_with_motion_is_met_and_jerk_is_continuous():
+    arrival = np.array([[2.0, 1.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    request = dataclasses.replace(GOOD, arrival=arrival)
+    trajectory = PLANNER.plan(request)
+    keeps_limits(trajectory, request.limits)
+    end = trajectory.sample(trajectory.duration)
+    np.testing.assert_allclose([end.velocity, end.acceleration, end.jerk], arrival, atol=1e-6)
+    inner = trajectory.knots[1:-1]
+    before, after = trajectory.sample(inner - 1e-9), trajectory.sample(inner + 1e-9)
+    np.testing.assert_allclose(before.jerk, after.jerk, atol=1e-4)
+
+
+def test_a_vehicle_that_cannot_lift_itself_is_refused_with_the_mend():
+    weak = PolynomialPlanner(Config(planning=Planning(thrust_share=0.3)))
+    with pytest.raises(PlanningError, match=r"raise planning\.thrust_share"):
+        weak.plan(GOOD)
 
 
 def test_staying_is_a_short_plan_at_rest():
@@ -190,7 +216,9 @@ def test_the_end_may_be_in_the_last_gate():
 def test_neighbouring_waypoints_that_are_one_are_flown_once():
     waypoints = np.array([[2.0, 0, 1], [2.0, 0, 1.0000001], [4.0, 1, 1], [4.0, 1, 1]])
     request = PlanRequest(0.0, at_rest((0, 0, 1)), (), np.array([4.0, 1.0, 1.0]), Limits(2.0, 8.0, 3.0))
-    assert PLANNER.through(waypoints, request).knots.size == 3
+    trajectory = PLANNER.through(waypoints, request)
+    np.testing.assert_allclose(trajectory.sample(trajectory.knots[2]).position, [2.0, 0.0, 1.0], atol=1e-9)
+    assert trajectory.duration < 5.0
 
 
 GOOD = request_for(FIVE_GATES)
@@ -215,6 +243,9 @@ TWICE = (gate(1, 1, 0, 1, 0.0), gate(2, 1, 0, 1, 0.0))
         ({"gates": (gate(8, 1, 0, 1, math.nan),)}, "gate 8: its yaw"),
         ({"gates": TWICE}, "gate 1 and gate 2 are at the same point"),
         ({"stamp": math.nan}, "start time"),
+        ({"limits": Limits(4.0, 8.0, math.inf)}, "yaw_rate_max must be finite"),
+        ({"arrival": np.zeros(3)}, "the arrival must be velocity, acceleration and jerk"),
+        ({"arrival": np.array([[9.0, 0.0, 0.0], ZERO, ZERO])}, "the arrival is flown at 9.00 m/s"),
     ],
 )
 def test_bad_requests_are_refused_in_clear_words(change, words):
@@ -237,5 +268,5 @@ def test_bad_waypoints_are_refused_in_clear_words(waypoints, words):
 
 def test_a_start_that_no_plan_can_obey_is_refused_with_its_excess():
     start = dataclasses.replace(motion_at(PLANNER.plan(GOOD), 3.0), acceleration=np.array([20.0, 0.0, 0.0]))
-    with pytest.raises(PlanningError, match=r"m/s² of 8"):
+    with pytest.raises(PlanningError, match=r"20.00 m/s² of acceleration, a_max = 8"):
         PLANNER.plan(dataclasses.replace(GOOD, start=start))

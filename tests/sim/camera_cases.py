@@ -5,7 +5,7 @@ import numpy as np
 from flightapp.config import Camera
 from flightapp.frames import Vector, quat_from_euler, quat_from_rotvec, quat_multiply
 from flightapp.perception.camera import CameraModel, Lens
-from flightapp.track import Box, Gate, Start, Track
+from flightapp.track import Box, Cylinder, Gate, Start, Track
 from sim.render import PoseAt, camera_poses
 from sim.scene import Scene
 
@@ -25,7 +25,7 @@ def one_gate(position: tuple[float, float, float] = (4.0, 0.0, 1.5), yaw_deg: fl
     return make_track(Gate(id=0, position=position, yaw_deg=yaw_deg, markers=(0, 1, 2, 3)))
 
 
-def make_track(*gates: Gate, obstacles: tuple[Box, ...] = ()) -> Track:
+def make_track(*gates: Gate, obstacles: tuple[Box | Cylinder, ...] = ()) -> Track:
     return Track(name="test", start=Start(position=(0.0, 0.0, 1.0)), gates=gates, obstacles=obstacles)
 
 

@@ -8,7 +8,7 @@ from flightapp.frames import Vector, quat_from_euler
 from flightapp.messages import Frame, MarkerDetection
 from flightapp.perception.aruco import ArucoDetector
 from flightapp.perception.camera import CameraModel
-from flightapp.track import Box, Gate
+from flightapp.track import Box, Cylinder, Gate
 from sim.corner_camera import CornerCamera
 from sim.render import PoseAt, Renderer
 from sim.scene import Scene
@@ -60,11 +60,15 @@ def test_gates_and_obstacles_hide_markers() -> None:
     far = Gate(id=0, position=(6.0, 0.0, 1.5), yaw_deg=0.0, markers=(0, 1, 2, 3))
     near = Gate(id=1, position=(2.0, 0.8, 1.5), yaw_deg=0.0, markers=(4, 5, 6, 7))
     box = Box(name="box", centre=(5.0, 0.8, 0.7), size=(0.4, 0.5, 0.6))
+    pillar = Cylinder(name="pillar", base=(4.0, 0.7, 0.0), radius=0.25, height=3.0)
+    low = Cylinder(name="low", base=(5.0, 0.8, 0.0), radius=0.4, height=1.0)
     pose_at = moving((0.0, 0.0, 1.5))
     for track, expected in (
         (make_track(far), {0, 1, 2, 3}),
         (make_track(near, far), {0, 3}),
         (make_track(far, obstacles=(box,)), {0, 1, 2}),
+        (make_track(far, obstacles=(pillar,)), {1, 2}),
+        (make_track(far, obstacles=(low,)), {0, 1, 2}),
     ):
         camera = CornerCamera(Scene.from_track(track), PINHOLE, 0.004, 1)
         seen = {marker for _ in range(10) for marker in ids(camera.detect(0.0, pose_at))}

@@ -2,20 +2,20 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from flightapp.frames import Vector, quat_from_euler
 from flightapp.messages import Collision, GatePassage
-from flightapp.track import Box, Gate, GateShape, MarkerLayout, Start, Track
-from sim.referee import FRAME_THICKNESS, RELEASE, Referee
+from flightapp.track import FRAME_THICKNESS, Box, Cylinder, Gate, GateShape, MarkerLayout, Start, Track
+from sim.referee import RELEASE, Referee
 
 RADIUS = 0.25
 SHAPE = GateShape(layout=MarkerLayout.TOP)
 INNER, OUTER = 0.5 * SHAPE.opening, 0.5 * SHAPE.opening + SHAPE.border
 
 
-def track(*gates: tuple[float, float, float, float], obstacles: tuple[Box, ...] = ()) -> Track:
+def track(*gates: tuple[float, float, float, float], obstacles: tuple[Box | Cylinder, ...] = ()) -> Track:
     """Gates at (x, y, z, yaw in degrees), with ids from 10."""
     return Track(
         name="test",
@@ -220,6 +220,26 @@ def test_obstacles_are_hit_by_name() -> None:
     assert hit.stamp == pytest.approx((3.0 - 0.01 - RADIUS) / 2.0, abs=1.1e-3)
     beside = 2.0 + RADIUS + 0.001
     assert Referee(elsewhere, RADIUS).observe(fly((0.0, beside, 5.0), (6.0, beside, 5.0))) == []
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(0.0, 1.2), st.floats(0.5, 4.0))
+def test_a_pillar_is_hit_where_the_ball_meets_its_round_side_or_its_rim(
+    way: float, aside: float, height: float
+) -> None:
+    pillar = Cylinder(name="pillar", base=(30.0, -4.0, 0.5), radius=0.5, height=2.0)
+    c, s = math.cos(way), math.sin(way)
+    from_to = [(30.0 + d * c - aside * s, -4.0 + d * s + aside * c, height) for d in (-3.0, 3.0)]
+    over = max(height - 2.5, 0.0)
+    reach = 0.5 + math.sqrt(max(RADIUS**2 - over**2, 0.0)) if over < RADIUS else 0.0
+    assume(abs(aside - reach) > 2e-3 and abs(over - RADIUS) > 2e-3)
+    hits = [
+        hit for hit in Referee(track(obstacles=(pillar,)), RADIUS).observe(fly(*from_to)) if isinstance(hit, Collision)
+    ]
+    assert [hit.obstacle for hit in hits] == (["pillar"] if aside < reach else [])
+    if hits:
+        assert hits[0].stamp == pytest.approx(
+            (3.0 - math.sqrt(reach**2 - aside**2)) / 2.0, abs=3e-3 + 0.02 * (aside > 0.6)
+        )
 
 
 @given(st.floats(0.0, 1.0))

@@ -1,3 +1,5 @@
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from flightapp.frames import quat_from_euler
 from flightapp.messages import Frame
 from flightapp.perception.aruco import ArucoDetector
 from flightapp.perception.camera import CameraModel
-from flightapp.track import Gate, Start, Track
+from flightapp.track import Cylinder, Gate, Start, Track
 from sim.panel import Board, Panel, leg_mean
 from sim.render import READ_NOISE, SHOT_NOISE, Renderer, camera_poses
 from sim.scene import Scene
@@ -102,6 +104,21 @@ def test_a_gate_in_front_hides_a_marker() -> None:
     ]
     assert seen[0] == {0, 1, 2, 3}
     assert seen[1] & seen[0] == {0, 3}
+
+
+def test_pillars_hide_what_is_behind_them_and_nothing_else() -> None:
+    far = Gate(id=0, position=(6.0, 0.0, 1.5), yaw_deg=0.0, markers=(0, 1, 2, 3))
+    pillar = Cylinder(name="pillar", base=(4.0, 0.7, 0.0), radius=0.25, height=3.0)
+    bare, track = make_track(far), make_track(far, obstacles=(pillar,))
+    for y, expected in ((0.0, {1, 2}), (-2.0, {0, 1, 2, 3})):
+        pose_at = moving((0.0, y, 1.5))
+        image, free = (Renderer(Scene.from_track(t), PINHOLE, 0.004, 1).render(0.0, pose_at) for t in (track, bare))
+        assert set(found(image, track)) == expected
+        changed = np.abs(image.astype(int) - free).max(axis=0) > 40
+        bearing, half = math.atan2(y - 0.7, 4.0), math.asin(0.25 / math.hypot(4.0, y - 0.7))
+        left, right = (319.5 + 320.0 * math.tan(bearing + side * half) for side in (-1.0, 1.0))
+        assert np.flatnonzero(changed).min() == pytest.approx(left, abs=8.0)
+        assert np.flatnonzero(changed).max() == pytest.approx(right, abs=8.0)
 
 
 def test_the_back_shows_no_markers() -> None:

@@ -1,0 +1,97 @@
+"""How fast is wise: a share of the planned speed, from what is known of the gate ahead and of the battery."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flightapp.config import Config
+from flightapp.frames import GRAVITY
+from flightapp.messages import GateEstimate
+from flightapp.planning.course import horizontal_sigma
+from flightapp.planning.pacer import Paced
+from flightapp.track import GateShape
+from flightapp.trajectory import Trajectory
+
+BAND = 0.06
+"""Change of the wanted rate that is worth a change of pace."""
+PATIENCE = 0.6
+"""s for which a higher rate must have been wanted before the pace goes up: no chatter, and down at once."""
+INTERVAL = 0.05
+"""s between the moments of a plan at which its specific force is looked at."""
+
+
+class Caution:
+    """Decides the wanted pace, with hysteresis."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._holds: dict[str, float] = {}
+        self._faster_since = math.inf
+
+    def hold_back(self, why: str, rate: float) -> None:
+        """Fly no faster than ``rate`` until told 1 for the same reason ``why``: wind and the like."""
+        self._holds[why] = rate
+
+    def wanted(
+        self, stamp: float, flying: Paced, gates: Sequence[GateEstimate], shape: GateShape, voltage: float
+    ) -> tuple[float, str]:
+        """The rate for the plan being flown after ``stamp``, and why; ``voltage`` (V) is NaN where it is not known."""
+        flown = flying.flown
+        reasons = [(rate, why) for why, rate in self._holds.items()]
+        reasons.append((self._battery(flying, stamp, voltage), f"the battery gives {voltage:.1f} V"))
+        by_id = {gate.gate_id: gate for gate in gates}
+        for gate_id, time in zip(flown.gate_ids, flown.gate_times, strict=True):
+            ahead = flown.stamp + time - stamp
+            if gate_id in by_id and 0.0 < ahead <= self._config.planning.pace_ahead:
+                reasons.append(self._gate(by_id[gate_id], stamp, flown, shape))
+        rate, why = min(reasons)
+        if rate >= 1.0:
+            return 1.0, "nothing is in the way"
+        return max(rate, self._config.planning.pace_min), why
+
+    def changes(self, stamp: float, rate: float, wanted: float) -> bool:
+        """Whether ``wanted`` is worth leaving the present ``rate`` for."""
+        if wanted <= rate - BAND:
+            self._faster_since = math.inf
+            return True
+        if wanted < rate + BAND and not (wanted == 1.0 and rate < 1.0):
+            self._faster_since = math.inf
+            return False
+        self._faster_since = min(self._faster_since, stamp)
+        return stamp >= self._faster_since + PATIENCE
+
+    def _gate(self, gate: GateEstimate, stamp: float, flown: Trajectory, shape: GateShape) -> tuple[float, str]:
+        """The opening must hold so many standard deviations of where the gate is, seen from the vehicle.
+
+        The tracker has drifted since the gate was seen last, by the map's own random walk.
+        """
+        mapping, planning = self._config.mapping, self._config.planning
+        speed = float(np.linalg.norm(flown.setpoint(stamp).velocity))
+        walk = math.hypot(mapping.drift_rate, mapping.drift_speed * speed)
+        unseen = max(stamp - gate.last_seen, 0.0) if math.isfinite(gate.last_seen) else 0.0
+        sigma = math.hypot(horizontal_sigma(gate), walk * math.sqrt(unseen))
+        room = 0.5 * shape.opening - self._config.vehicle.radius
+        if planning.pace_sigmas * sigma <= room:
+            return 1.0, ""
+        why = f"gate {gate.gate_id} is known to {sigma:.2f} m, last seen {unseen:.1f} s ago"
+        return max(room, 0.0) / (planning.pace_sigmas * sigma), why
+
+    def _battery(self, flying: Paced, stamp: float, voltage: float) -> float:
+        """The greatest rate at which the rest of the plan needs no more than the thrust that ``voltage`` gives.
+
+        Thrust goes with the square of the voltage. At a rate s the specific force is g + s² a, whose length must stay
+        below F: |a|² s⁴ + 2 g·a s² + g² = F² at each moment.
+        """
+        vehicle = self._config.vehicle
+        if not (math.isfinite(voltage) and 0.0 < voltage < vehicle.hover_voltage):
+            return 1.0
+        share = (voltage / vehicle.hover_voltage) ** 2
+        force = self._config.planning.thrust_share * share * vehicle.thrust_max
+        if force <= GRAVITY:
+            return 0.0
+        times = np.arange(flying.place(stamp), flying.plan.duration + INTERVAL, INTERVAL)
+        a = flying.plan.sample(times).acceleration
+        square, lift = np.maximum((a * a).sum(axis=1), 1e-9), GRAVITY * a[:, 2]
+        rates = (np.sqrt(lift * lift + square * (force * force - GRAVITY * GRAVITY)) - lift) / square
+        return float(min(math.sqrt(rates.min()), 1.0))
