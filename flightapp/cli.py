@@ -20,6 +20,7 @@ from flightapp.autopilot.params_file import write_params
 from flightapp.autopilot.wanted_parameters import Profile, wanted_parameters
 from flightapp.bench import bench_table, run_bench
 from flightapp.config import dump_config, load_config
+from flightapp.evaluation.plan_table import plan_rows, rows_json, rows_table
 from flightapp.evaluation.planned import plan_json, plan_tables
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import rich_table, terminal_tables
@@ -145,8 +146,10 @@ def bench(json_file: JsonFile = None) -> None:
 
 @cli.command()
 def plan(
-    track: Annotated[Path, typer.Argument(help="a track, such as missions/tracks/five_gates.toml")],
-    planner: Annotated[str | None, typer.Option(help="instead of planning.planner")] = None,
+    track: Annotated[Path | None, typer.Argument(help="a track, such as missions/tracks/five_gates.toml")] = None,
+    planner: Annotated[
+        str | None, typer.Option(help="instead of planning.planner; with --table several, as race,polynomial")
+    ] = None,
     v_max: Annotated[float | None, typer.Option("--v-max", help="m/s, or inf, instead of race.v_max")] = None,
     a_max: Annotated[float | None, typer.Option("--a-max", help="m/s², or inf, instead of race.a_max")] = None,
     laps: Annotated[int | None, typer.Option(min=1, help="instead of mission.laps")] = None,
@@ -156,9 +159,15 @@ def plan(
         list[Path] | None, typer.Option(help="FILE.csv, FILE.mcap or FILE.html; may be given several times")
     ] = None,
     rate: Annotated[float | None, typer.Option(help="Hz, of samples in FILE.csv; default: its polynomials")] = None,
+    table: Annotated[bool, typer.Option("--table", help="all yardstick courses beside the least times")] = False,
     json_file: JsonFile = None,
 ) -> None:
     """Plan without flying, and draw the line; exit status 1 if there is no plan that could be flown."""
+    if table:
+        _plan_table(planner or "race,polynomial", json_file)
+        return
+    if track is None:
+        raise BadInputError("plan: name a track, such as missions/tracks/five_gates.toml, or give --table")
     plan_command.check_outputs(out or (), rate)
     options = plan_command.PlanOptions(track, planner, v_max, a_max, laps, vehicle, tuple(overrides or ()))
     try:
@@ -174,6 +183,16 @@ def plan(
     if touch := plan_command.touch_of(planned):
         console.print(f"not to be flown: {touch}", style="red", highlight=False, markup=False)
         raise typer.Exit(1)
+
+
+def _plan_table(planners: str, json_file: Path | None) -> None:
+    with console.status("planning"):
+        rows = list(plan_rows(planners.split(",")))
+    console.print(rich_table(rows_table(rows)))
+    for row in rows:
+        if row.why:
+            console.print(f"{row.course}, {row.v_max:g} m/s, {row.planner}: {row.why}", markup=False)
+    _write_json(json_file, rows_json(rows))
 
 
 @cli.command()

@@ -135,7 +135,7 @@ class GateMapping(Section):
 class Planning(Section):
     """Trajectories."""
 
-    planner: str = Field("polynomial", description="entry point in flightapp.planners")
+    planner: str = Field("race", description="entry point in flightapp.planners")
     minimise: Literal["acceleration", "jerk", "snap"] = Field("jerk", description="derivative to keep small")
     lead: Finite = Field(0.12, ge=0.0, le=1.0, description="s, a new plan starts this long after it is asked for")
     replan_distance: Finite = Field(0.05, gt=0.0, le=2.0, description="m, a gate that moved this far is planned anew")
@@ -152,7 +152,8 @@ class Planning(Section):
         0.3, ge=0.0, le=5.0, description="m from a gate's centre that race lines may use at most"
     )
     waypoint_radius: Finite = Field(0.0, ge=0.0, le=5.0, description="m from waypoints within which race lines pass")
-    tilt_max_deg: Finite = Field(180.0, gt=5.0, le=180.0, description="°, greatest tilt of race lines; 180 for any")
+    drag_share: Finite = Field(0.0, ge=0.0, le=1.0, description="of vehicle.drag that race lines count as thrust")
+    tilt_max_deg: Finite = Field(60.0, gt=5.0, le=180.0, description="°, greatest tilt of race lines; 180 for any")
     yaw: Literal["gates", "path", "fixed"] = Field(
         "gates", description="look at the next gate, along the path, or hold"
     )

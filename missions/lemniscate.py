@@ -1,7 +1,7 @@
 """A figure of eight, 11 m by 5.5 m, as the paper's control experiment."""
 
 TRACK = "tracks/lemniscate.toml"
-SETTINGS = {"race.v_max": 3.0}
+SETTINGS = {"race.v_max": 3.0, "planning.waypoint_radius": 0.3}
 
 
 async def mission(drone):

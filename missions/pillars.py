@@ -1,7 +1,7 @@
 """Four gates with two pillars and a wall between them, which the race planner goes around."""
 
 TRACK = "tracks/pillars.toml"
-SETTINGS = {"planning.planner": "race", "race.v_max": 4.0, "mission.takeoff_height": 1.0}
+SETTINGS = {"race.v_max": 4.0, "mission.takeoff_height": 1.0}
 
 
 async def mission(drone):

@@ -1,0 +1,220 @@
+"""The race planner: the fastest line through gates that have room, for what the vehicle can do.
+
+Gates are areas, crossed within an angle of their direction of passage; between them the line is free. Speed,
+acceleration, collective thrust, body rates, tilt, height and clearance are kept to. The line is a spline of degree 7
+whose knots and durations are the variables; the duration is minimised by an interior-point method (`race_solver`). It
+takes some milliseconds, and less for a plan that continues the one before.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from flightapp.config import Config
+from flightapp.frames import GRAVITY, Vector
+from flightapp.interfaces import PlanningError, PlanRequest
+from flightapp.planning.corridor import Places, Solids, detour
+from flightapp.planning.facing import Heading
+from flightapp.planning.obstacles import Margins
+from flightapp.planning.race_bounds import (
+    Targets,
+    Vehicle,
+    as_problem,
+    beginning,
+    gate_radius,
+    leaving,
+    limits_of,
+)
+from flightapp.planning.race_memory import Memory, continued
+from flightapp.planning.race_problem import (
+    AREA,
+    CLEARANCE,
+    CROSSING,
+    FLOOR,
+    KINDS,
+    LEAST_FORCE,
+    TILT,
+    Problem,
+    evaluate,
+)
+from flightapp.planning.race_samples import COEFFICIENTS, DURATION
+from flightapp.planning.race_search import FIRST, TOLERATED, WARM, Search, slow_down
+from flightapp.planning.race_smooth import smoothen
+from flightapp.planning.race_solver import Parameters
+from flightapp.planning.race_start import Layout, lay_out
+from flightapp.planning.race_work import Work, room
+from flightapp.planning.request import SAME_POINT, Route, check_request, gate_route, point_route
+from flightapp.trajectory import ORDER, Trajectory
+
+REST = 0.2
+"""s that a plan takes that stays where it is."""
+SLOWER = (1.0, 1.7)
+"""Times the time guessed that lines are begun with, in turn until one succeeds."""
+EXCEEDED = 1.001
+"""Ratio to a limit, densely sampled, up to which a plan is returned."""
+MISSING = 0.01
+"""m that may be missing to clearance and floor, or of a cosine to the greatest tilt."""
+OUTSIDE = 0.02
+"""Of dᵀ A d, how far outside a gate's area a plan may cross."""
+UNEVEN = "the route is too uneven for the arithmetic: no finite trajectory was found; space its points evenly"
+LIMITS = (
+    "m/s of v_max",
+    "m/s² of a_max",
+    "m/s² of the greatest thrust",
+    "rad/s of the body rate",
+    "m/s² of the least thrust",
+)
+ASKEW = 0.05
+"""Of the cosine of the angle to a gate's direction of passage, what may be missing."""
+
+
+class RacePlanner:
+    """Plans race lines: through gates that have a shape anywhere within their openings, else through their centres.
+
+    Waypoints are passed within `planning.waypoint_radius`. A plan from rest depends on its request alone; the search
+    for one in flight begins with what is left of the plan before.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._margins = Margins.of(config)
+        self._heading = Heading(config)
+        self._vehicle = Vehicle.of(config)
+        self._memory: Memory | None = None
+
+    def plan(self, request: PlanRequest) -> Trajectory:
+        """A trajectory through the gates of ``request``; raises `PlanningError`."""
+        check_request(request)
+        route = gate_route(request)
+        radii = np.zeros(len(route.points))
+        for gate, place in zip(request.gates, route.gate_places, strict=True):
+            radii[place] = gate_radius(gate, request.shape, self._config)
+        return self._along(route, radii, request)
+
+    def through(self, waypoints: Vector, request: PlanRequest) -> Trajectory:
+        """A trajectory through ``waypoints`` (n, 3) m, heading along the path; raises `PlanningError`."""
+        check_request(request)
+        route = point_route(waypoints, request)
+        return self._along(route, np.full(len(route.points), self._config.planning.waypoint_radius), request)
+
+    def _along(self, route: Route, radii: Vector, request: PlanRequest) -> Trajectory:
+        ends = np.zeros((2, 3, 3))
+        ends[0] = request.start.velocity, request.start.acceleration, request.start.jerk
+        if request.arrival is not None:
+            ends[1] = request.arrival
+        at_rest = not ends.any()
+        if len(route.points) == 2 and at_rest and math.dist(*route.points) < SAME_POINT:
+            return self._stay(route, request)
+        if self._vehicle.force <= GRAVITY:
+            raise PlanningError(
+                f"the thrust that plans may use, {self._vehicle.force:.2f} m/s², does not lift the vehicle: raise"
+                " planning.thrust_share or vehicle.thrust_to_weight"
+            )
+        targets = Targets(route.points, route.directions, radii)
+        solids = Solids.of(request, self._margins)
+        limits = limits_of(self._vehicle, request, targets)
+        why, search = "", Search()
+        for layout, parameters in self._layouts(route, solids, request, ends):
+            first = beginning(layout.line, at_rest)
+            rows = leaving(solids.rows, route.points)
+            problem = as_problem(limits, first, targets, layout, rows, self._vehicle)
+            why, drawn = _found(layout, problem, limits, first, parameters, search)
+            if not why:
+                return self._complete(layout, route, request, drawn)
+        raise PlanningError(why)
+
+    def _layouts(
+        self, route: Route, solids: Solids, request: PlanRequest, ends: Vector
+    ) -> Iterator[tuple[Layout, Parameters]]:
+        """Lines to begin with, the most promising first."""
+        if self._memory is not None and ends[0].any() and len(route.points) == len(request.gates) + 2:
+            layout = continued(self._memory, request, route.points, route.directions, ends)
+            if layout is not None:
+                yield layout, WARM
+        way = detour(Places.of(route, request), solids)
+        directions = np.zeros_like(way.points)
+        directions[~way.inserted] = route.directions
+        for slower in SLOWER:
+            layout = lay_out(way.points, directions, ends, request.limits.v_max, slower)
+            yield replace(layout, anchors=layout.anchors[~way.inserted]), FIRST
+
+    def _complete(self, layout: Layout, route: Route, request: PlanRequest, drawn: Vector) -> Trajectory:
+        line, places = layout.line, layout.anchors[list(route.gate_places)]
+        if len(route.points) == len(request.gates) + 2:
+            self._memory = Memory(request, line, layout.anchors, drawn)
+        times = np.concatenate(([0.0], np.cumsum(line[:-1, DURATION])))
+        return self._heading.complete(times, polynomials(line), times[places].tolist(), request)
+
+    def _stay(self, route: Route, request: PlanRequest) -> Trajectory:
+        still = np.zeros((1, 3, ORDER))
+        still[0, :, 0] = route.points[0]
+        return self._heading.complete(np.array([0.0, REST]), still, [0.0] * len(route.gate_places), request)
+
+
+def _found(
+    layout: Layout, problem: Problem, limits: Vector, first: Vector, parameters: Parameters, search: Search
+) -> tuple[str, Vector]:
+    """Search from ``layout``, in place; why there is no plan, empty if there is one, and the shares of the limits."""
+    line, work = layout.line, room(len(layout.line) - 1)
+    at_rest = not (line[0, 3:DURATION].any() or line[-1, 3:DURATION].any())
+    base = np.where(first[:, None] != 0.0, limits[1], limits[0])
+    drawn = np.where(first[:, None] != 0.0, base, base * layout.drawn)
+    if layout.rough.any():
+        held = problem.fixed.copy()
+        held[:, 0:3] = held[:, DURATION] = 1.0
+        held[layout.rough == 0.0] = 1.0
+        if not smoothen(line, held):
+            return UNEVEN, drawn
+        if at_rest:
+            slow_down(line, problem, work)
+    worst = search.run(line, problem, drawn, np.where(first[:, None] != 0.0, limits[2], 0.0), parameters, work)
+    if at_rest and worst[:, :TILT].max() > TOLERATED:
+        worst = slow_down(line, problem, work)
+    if not (np.isfinite(line).all() and np.isfinite(worst).all()):
+        return UNEVEN, drawn
+    shares = np.ones_like(drawn)
+    np.divide(drawn, base, out=shares, where=np.isfinite(base) & (base != 0.0))
+    return _beyond_limits(worst.max(axis=0), limits[0]) or _out_of_place(line, problem, layout, work), shares
+
+
+def _beyond_limits(worst: Vector, limits: Vector) -> str:
+    over = [
+        f"{limit / ratio if kind == LEAST_FORCE else limit * ratio:.2f} {LIMITS[kind]} = {limit:.4g}"
+        for kind, (ratio, limit) in enumerate(zip(worst[:TILT].tolist(), limits[:TILT].tolist(), strict=True))
+        if ratio > EXCEEDED
+    ]
+    if worst[TILT] > MISSING:
+        over.append("more tilt than planning.tilt_max_deg")
+    if worst[FLOOR] > MISSING:
+        over.append(f"{worst[FLOOR]:.2f} m less than its least height, {limits[FLOOR]:.2f} m")
+    if worst[CLEARANCE] > MISSING:
+        over.append(f"{worst[CLEARANCE]:.2f} m less than the clearance from an obstacle")
+    if not over:
+        return ""
+    return f"no race line with this motion at its ends was found: the best has {', '.join(over)}"
+
+
+def _out_of_place(line: Vector, problem: Problem, layout: Layout, work: Work) -> str:
+    """Which gate is not crossed as it should be."""
+    evaluate(line, problem, work.ends, work.samples, work.c)
+    for place, knot in enumerate(layout.anchors[1:-1], 1):
+        if problem.active[KINDS + 1] and work.c[knot, AREA] > OUTSIDE:
+            return f"no race line was found that goes through point {place} of the route within its area"
+        speed = math.hypot(*line[knot, 3:6])
+        if problem.active[KINDS + 2] and work.c[knot, CROSSING] > ASKEW * speed:
+            return (
+                f"no race line was found that crosses point {place} of the route within planning.crossing_deg of its"
+                " direction: lead up to it with waypoints, or move its neighbours"
+            )
+    return ""
+
+
+def polynomials(line: Vector) -> Vector:
+    """(n, 3, 8) coefficients of the segments of ``line`` (n + 1, 13), in ascending powers of time."""
+    powers = line[:-1, DURATION, None] ** np.arange(ORDER)
+    knots = line[:, :DURATION].reshape(-1, 4, 3)
+    ends = np.concatenate((knots[:-1] * powers[:, :4, None], knots[1:] * powers[:, :4, None]), axis=1)
+    out = np.einsum("me,nea->nam", COEFFICIENTS, ends) / powers[:, None, :]
+    return np.ascontiguousarray(out)

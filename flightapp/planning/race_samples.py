@@ -1,0 +1,136 @@
+"""Segments of a race line: polynomials of degree 7 by their ends, and their samples.
+
+A knot is position, velocity, acceleration and jerk, so that a line is three times continuously differentiable and a
+segment depends on its two knots and its duration alone. With the ends' d-th derivatives scaled by the d-th power of the
+duration all matrices are constant (C. Richter, A. Bry and N. Roy, 2016, section 3). All samples of a segment are
+computed side by side, which compilers turn into vector instructions.
+"""
+
+import math
+
+import numpy as np
+
+from flightapp.frames import Vector
+from flightapp.jit import inlined
+from flightapp.trajectory import ORDER
+
+SAMPLES = 12
+"""Per segment, evenly spaced; its first end is one, its last end is the next segment's first."""
+ENTRIES = 8
+"""Ends' derivatives: 0 to 3 at the first knot, 0 to 3 at the second."""
+KNOT = 13
+"""Variables of a knot: 3 d + axis for the d-th derivative, then the duration of the segment that starts there."""
+DURATION = 12
+"""Place of the duration among them."""
+ROWS = 15
+"""Rows of a segment's samples (15, SAMPLES): position, velocity, what the thrust has to accelerate but for gravity, its
+derivative, and the acceleration; three each. With drag the third is the acceleration plus the drag times the velocity.
+"""
+FINE = 6
+"""Times as many samples are looked at once a line is found."""
+
+
+def _derivative_row(u: float, derivative: int) -> Vector:
+    """(8,) d-th derivative at ``u`` of each power of u."""
+    return np.array([math.perm(m, derivative) * u ** max(m - derivative, 0) for m in range(ORDER)], float)
+
+
+def _sampled(places: Vector) -> Vector:
+    """(n, 4, 8) derivatives 0 to 3 at ``places`` (n,) in [0, 1], of each entry."""
+    return np.array([[_derivative_row(u, d) @ COEFFICIENTS for d in range(4)] for u in places])
+
+
+COEFFICIENTS: Vector = np.linalg.inv(np.array([_derivative_row(u, d) for u in (0.0, 1.0) for d in range(4)]))
+"""(8, 8) ascending coefficients of each entry."""
+BY_SAMPLE: Vector = _sampled(np.arange(SAMPLES) / SAMPLES)
+"""(SAMPLES, 4, 8)."""
+BY_ENTRY: Vector = np.ascontiguousarray(BY_SAMPLE.transpose(1, 2, 0))
+"""(4, 8, SAMPLES) the same."""
+PRODUCTS: Vector = np.array(
+    [
+        [
+            np.outer(u[d], u[f]).ravel()
+            for d, f in ((1, 1), (2, 2), (3, 3), (2, 3), (3, 2), (1, 2), (2, 1), (1, 3), (3, 1))
+        ]
+        for u in BY_SAMPLE
+    ]
+)
+"""(SAMPLES, 9, 64) of each entry with each: for v v, a a, j j, a j, j a, and with drag v a, a v, v j and j v."""
+PLACE_PRODUCTS: Vector = np.array([np.outer(u[0], u[0]).ravel() for u in BY_SAMPLE])
+"""(SAMPLES, 64) for p p."""
+DENSE: Vector = np.array(
+    [np.transpose(_sampled(u), (1, 2, 0)) for u in np.linspace(0.0, 1.0, FINE * SAMPLES).reshape(FINE, SAMPLES)]
+)
+"""(FINE, 4, 8, SAMPLES), both ends included."""
+
+
+@inlined
+def scaled_ends(i: int, line: Vector, duration: float, y: Vector) -> None:
+    """Fill ``y`` (8, 3) with the ends of segment ``i`` of ``line`` (n + 1, 13), scaled by powers of the duration."""
+    power = 1.0
+    for d in range(4):
+        for axis in range(3):
+            y[d, axis] = power * line[i, 3 * d + axis]
+            y[4 + d, axis] = power * line[i + 1, 3 * d + axis]
+        power *= duration
+
+
+@inlined
+def sample(basis: Vector, duration: float, y: Vector, q: Vector) -> None:
+    """Fill ``q`` (15, SAMPLES) where the entries ``y`` (8, 3) count as ``basis`` (4, 8, SAMPLES).
+
+    As without drag, and without the last three rows.
+    """
+    scale = 1.0
+    for d in range(4):
+        for axis in range(3):
+            row = q[3 * d + axis]
+            for k in range(SAMPLES):
+                row[k] = 0.0
+            for e in range(ENTRIES):
+                x = scale * y[e, axis]
+                for k in range(SAMPLES):
+                    row[k] += x * basis[d, e, k]
+        scale /= duration
+
+
+@inlined
+def sample_changes(duration: float, y: Vector, q: Vector, out: Vector) -> None:
+    """Fill ``out`` (15, SAMPLES) with the derivative of samples ``q`` by the segment's duration, as `sample` does."""
+    scale = 1.0 / duration
+    for d in range(4):
+        for axis in range(3):
+            row, own = out[3 * d + axis], q[3 * d + axis]
+            x = -d / duration
+            for k in range(SAMPLES):
+                row[k] = x * own[k]
+            for e in range(ENTRIES):
+                if e % 4 != 0:
+                    x = scale * (e % 4) * y[e, axis]
+                    for k in range(SAMPLES):
+                        row[k] += x * BY_ENTRY[d, e, k]
+        scale /= duration
+
+
+@inlined
+def add_drag(drag: float, q: Vector) -> None:
+    """Make rows of ``q`` (15, SAMPLES) that are as without ``drag`` (1/s) those with it, and fill the last three."""
+    for row in range(12, 15):
+        for k in range(SAMPLES):
+            q[row, k] = q[row - 6, k]
+    if drag != 0.0:
+        for row in range(11, 5, -1):
+            for k in range(SAMPLES):
+                q[row, k] += drag * q[row - 3, k]
+
+
+@inlined
+def take_back(drag: float, g: Vector) -> None:
+    """Turn derivatives ``g`` (15, SAMPLES) by the rows of samples into those by the first twelve without drag."""
+    if drag != 0.0:
+        for row in range(3, 9):
+            for k in range(SAMPLES):
+                g[row, k] += drag * g[row + 3, k]
+    for row in range(6, 9):
+        for k in range(SAMPLES):
+            g[row, k] += g[row + 6, k]

@@ -1,0 +1,115 @@
+"""From a line to begin with to one that keeps to its limits everywhere.
+
+Limits are looked at in samples, between which a line may exceed them. So a line that was found is measured densely;
+where it goes beyond a limit, that segment's limit is drawn in and the search goes on a little, on smoother lines every
+time. What then is left of the excess, a line from rest to rest loses by being flown slower.
+"""
+
+import math
+
+import numpy as np
+
+from flightapp.frames import Vector
+from flightapp.planning.race_bounds import coefficients
+from flightapp.planning.race_problem import AREA, CROSSING, KINDS, LEAST_FORCE, TILT, Problem, measure
+from flightapp.planning.race_samples import DURATION
+from flightapp.planning.race_solver import Parameters, improve
+from flightapp.planning.race_work import Work
+
+TOLERATED = 1.0008
+"""Ratio to a limit, densely sampled, that counts as keeping to it."""
+NEAR = 2e-3
+"""m, or of a cosine, that may be missing to clearance, floor and tilt."""
+FIRST = Parameters(0.02, 22, 0.01, 1e-3, 1e-2, 0.5, 0.2, 0.1, 2.0)
+"""For a line from nothing."""
+WARM = FIRST._replace(barrier=2e-4, steps=14, shrink=0.5, damping=2.0, weight=5.0)
+"""For a line that was found for nearly the same."""
+AGAIN = FIRST._replace(barrier=-1.0, steps=5)
+"""For a line that was found just now, with limits drawn in."""
+ROUNDS, GENTLE_ROUNDS = 9, 4
+"""Times that limits are drawn in, and of these the ones on which lines become only a little smoother."""
+LEAST, MOST = 1e-3, 1.1
+"""A limit is drawn in by the excess and this, but by no more than this ratio."""
+FARTHEST = 0.05
+"""m, or of a cosine, by which those are drawn in at most."""
+CALMER, CALMEST = 1.15, 3.0
+"""The ratios by which smoothing grows every time, at first and then."""
+STRETCHES, HASTE = 40, 0.25
+"""Times that a line is flown slower, and the growth of the exponent by which it is."""
+EFFORT = 3000
+"""Steps times segments that one request may take; a step of one segment takes some 15 µs."""
+PATIENCE, HOPELESS = 3, 3.0
+"""After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
+
+
+def slow_down(line: Vector, problem: Problem, work: Work) -> Vector:
+    """Fly ``line``, which starts and ends at rest, as slowly as its limits want; (n, KINDS) as `measure` has it."""
+    worst = np.empty((len(line) - 1, KINDS))
+    for attempt in range(STRETCHES):
+        measure(line, problem, work.ends, work.samples, worst)
+        if not worst[:, :TILT].max() > TOLERATED:
+            break
+        stretch(line, slowdown(worst) ** (1.0 + HASTE * attempt))
+    return worst
+
+
+class Search:
+    """The search for one line, with as much effort as may be made."""
+
+    def __init__(self, effort: int = EFFORT) -> None:
+        self.effort = effort
+        """Steps times segments that are left."""
+
+    def improve(self, line: Vector, problem: Problem, parameters: Parameters, work: Work) -> bool:
+        """`race_solver.improve` with what is left; False if nothing is, or the arithmetic failed."""
+        steps = min(parameters.steps, self.effort // (len(line) - 1))
+        taken = improve(line, problem, parameters._replace(steps=steps), work) if steps > 0 else -1
+        self.effort -= max(taken, 1) * (len(line) - 1)
+        return taken >= 0
+
+    def _in_place(self, problem: Problem, work: Work) -> bool:
+        """Whether gates are crossed as they should be, or nearly so."""
+        crossed = [work.c[:, place].max() for k, place in enumerate((AREA, CROSSING), 1) if problem.active[KINDS + k]]
+        return not crossed or bool(max(crossed) <= NEAR)
+
+    def run(
+        self, line: Vector, problem: Problem, limits: Vector, least: Vector, first: Parameters, work: Work
+    ) -> Vector:
+        """Make ``line`` (n + 1, 13) as fast as it may be; (n, KINDS) how close it is to its limits, as of `measure`.
+
+        ``limits`` (n, KINDS) are those of each segment as of `limits_of`, drawn in on return, but not beyond ``least``
+        (n, KINDS), which is 0 where there is no such bound. ``problem`` has the limits that are kept to in the end.
+        """
+        worst = np.empty((len(line) - 1, KINDS))
+        calm, held = problem.smooth, np.flatnonzero(least.any(axis=1))
+        going = self.improve(line, problem._replace(limits=coefficients(limits)), first, work)
+        for count in range(ROUNDS + 1):
+            measure(line, problem, work.ends, work.samples, worst)
+            ratio = worst[:, :TILT].max()
+            done = ratio <= TOLERATED and worst[:, TILT:].max() <= NEAR and self._in_place(problem, work)
+            if done or not going or count == ROUNDS:
+                break
+            if count >= PATIENCE and held.size and not ratio < HOPELESS:
+                break
+            excess = np.where(worst > 1.0, np.minimum(worst + LEAST, MOST), 1.0)
+            limits[:, :LEAST_FORCE] = np.maximum(limits / excess, least)[:, :LEAST_FORCE]
+            limits[:, LEAST_FORCE] *= excess[:, LEAST_FORCE]
+            limits[held, LEAST_FORCE] = np.minimum(limits, least)[held, LEAST_FORCE]
+            more = np.where(worst[:, TILT:] > 0.0, np.minimum(worst[:, TILT:] + LEAST, FARTHEST), 0.0)
+            more[held] = 0.0
+            limits[:, TILT:] += more
+            calm *= CALMER if count < GENTLE_ROUNDS else CALMEST
+            going = self.improve(line, problem._replace(limits=coefficients(limits), smooth=calm), AGAIN, work)
+        return worst
+
+
+def slowdown(worst: Vector) -> float:
+    """About how many times slower a line must be flown that exceeds its limits by ``worst``."""
+    speed, acceleration, force, rate, least = worst[:, :TILT].max(axis=0).tolist()
+    return float(max(1.0 + 1e-4, speed, math.sqrt(acceleration), force, rate ** (1.0 / 3.0), math.sqrt(least)))
+
+
+def stretch(line: Vector, factor: float) -> None:
+    """Fly a ``line`` that starts and ends at rest ``factor`` times slower."""
+    line[:-1, DURATION] *= factor
+    line[:, :DURATION] /= np.repeat(factor ** np.arange(4), 3)

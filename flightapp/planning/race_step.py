@@ -1,0 +1,139 @@
+"""A step towards a race line: its equations solved, its curve, and how the inequalities change along it."""
+
+import math
+
+from flightapp.frames import Vector
+from flightapp.jit import inlined
+from flightapp.planning.race_blocks import factorise, solve
+from flightapp.planning.race_problem import AREA, BRIEF, CROSSING, KINDS, SLOW, Problem, off_centre, square
+from flightapp.planning.race_samples import BY_ENTRY, DURATION, KNOT, ROWS, SAMPLES, add_drag, sample
+from flightapp.planning.race_terms import first_row, row_count
+from flightapp.planning.race_work import Work
+
+REFUSALS = 12
+"""Times that the damping is raised for one step."""
+
+
+@inlined
+def _damp(line: Vector, problem: Problem, damping: float, work: Work) -> None:
+    """Copy the blocks to the factor's place, without fixed variables and with damping on the diagonal.
+
+    Damping is relative to the segment's length and duration: with damping 1 a step of that size costs the duration.
+    """
+    n = line.shape[0] - 1
+    for k in range(n + 1):
+        i = min(k, n - 1)
+        duration, away = line[i, DURATION], 0.0
+        for a in range(3):
+            away += (line[i + 1, a] - line[i, a]) ** 2
+        measure = damping * duration / max(away, 1e-4)
+        D, source, held = work.factor[k], work.diagonal[k], problem.fixed[k]
+        for a in range(KNOT):
+            if held[a] != 0.0:
+                for b in range(KNOT):
+                    D[a, b] = D[b, a] = 0.0
+                D[a, a] = 1.0
+                work.step[k, a] = 0.0
+                continue
+            work.step[k, a] = work.right[k, a]
+            for b in range(a + 1):
+                D[a, b] = 0.0 if held[b] != 0.0 else source[a, b]
+        for d in range(4):
+            for a in range(3 * d, 3 * d + 3):
+                D[a, a] += measure
+            measure *= duration * duration
+        D[DURATION, DURATION] += damping / duration
+        if k < n:
+            E, below, next_held = work.factor_below[k], work.below[k], problem.fixed[k + 1]
+            for a in range(KNOT):
+                for b in range(KNOT):
+                    E[a, b] = 0.0 if next_held[a] != 0.0 or held[b] != 0.0 else below[a, b]
+
+
+@inlined
+def move(line: Vector, step: Vector, share: float, problem: Problem, tried: Vector) -> None:
+    """Fill ``tried`` with ``line`` moved by ``share`` of ``step``, derivatives of knots along with durations."""
+    n = line.shape[0] - 1
+    before = 0.0
+    for k in range(n + 1):
+        after = share * step[k, DURATION] / line[k, DURATION] if k < n else 0.0
+        rate = 0.5 * (before + after) if 0 < k < n else 0.0
+        shrink, scale = math.exp(-rate), 1.0
+        for d in range(4):
+            for a in range(3 * d, 3 * d + 3):
+                if problem.fixed[k, a] != 0.0:
+                    tried[k, a] = line[k, a]
+                else:
+                    tried[k, a] = scale * (line[k, a] * (1.0 + d * rate) + share * step[k, a])
+            scale *= shrink
+        tried[k, DURATION] = line[k, DURATION] * math.exp(after)
+        before = after
+
+
+@inlined
+def _crossing_slope(k: int, line: Vector, problem: Problem, step: Vector) -> float:
+    v, n = line[k, 3:6], problem.normals[k]
+    if square(n) == 0.0:
+        return 0.0
+    speed = math.sqrt(square(v) + SLOW * SLOW)
+    total = 0.0
+    for a in range(3):
+        total += (problem.cosine * v[a] / speed - n[a]) * step[k, 3 + a]
+    return total
+
+
+@inlined
+def _step_ends(i: int, duration: float, step: Vector, y: Vector) -> None:
+    """Fill ``y`` (8, 3) with the scaled ends' change by the step, at a duration that stays."""
+    power = 1.0
+    for d in range(4):
+        for axis in range(3):
+            y[d, axis] = power * step[i, 3 * d + axis]
+            y[4 + d, axis] = power * step[i + 1, 3 * d + axis]
+        power *= duration
+
+
+@inlined
+def slopes(line: Vector, problem: Problem, work: Work) -> None:
+    """Fill ``work.slope`` (n + 1, PLACES): how the inequalities change by the step."""
+    step, slope, g = work.step, work.slope, work.ends[8]
+    q = work.samples[0:15]
+    n = line.shape[0] - 1
+    for i in range(n + 1):
+        if problem.active[KINDS + 1] != 0.0:
+            off_centre(i, line, problem, g)
+            slope[i, AREA] = 2.0 * (g[0] * step[i, 0] + g[1] * step[i, 1] + g[2] * step[i, 2])
+        if problem.active[KINDS + 2] != 0.0:
+            slope[i, CROSSING] = _crossing_slope(i, line, problem, step)
+        if i == n:
+            break
+        duration, longer = line[i, DURATION], step[i, DURATION]
+        slope[i, BRIEF] = -longer / problem.briefest
+        _step_ends(i, duration, step, work.ends)
+        sample(BY_ENTRY, duration, work.ends, q)
+        add_drag(problem.drag, q)
+        for a in range(ROWS):
+            for k in range(SAMPLES):
+                q[a, k] += longer * work.changes[i, a, k]
+        for kind in range(KINDS):
+            if problem.active[kind] == 0.0:
+                continue
+            place, first = kind * SAMPLES, first_row(kind)
+            change, gradient = slope[i, place : place + SAMPLES], work.gradients[i, kind]
+            for k in range(SAMPLES):
+                change[k] = 0.0
+            for a in range(row_count(kind)):
+                for k in range(SAMPLES):
+                    change[k] += gradient[a, k] * q[first + a, k]
+
+
+@inlined
+def take_step(line: Vector, problem: Problem, damping: float, work: Work) -> float:
+    """Fill ``work.step``; returns the damping that it took, negative if none was enough."""
+    for _ in range(REFUSALS):
+        _damp(line, problem, damping, work)
+        if factorise(work.factor, work.factor_below):
+            solve(work.factor, work.factor_below, work.step)
+            return damping
+        damping = max(10.0 * damping, 1e-4)
+    return -1.0
