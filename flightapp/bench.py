@@ -25,6 +25,7 @@ from flightapp.control.parameters import parameters_of
 from flightapp.control.prediction import ENTRY, HISTORY
 from flightapp.estimation.tracker import TrackerEstimator
 from flightapp.evaluation.paper import profiling_times
+from flightapp.evaluation.plan_table import yardsticks
 from flightapp.frames import Vector, quat_from_yaw, quat_to_matrix
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Limits, Motion, PlanRequest
@@ -44,6 +45,7 @@ from flightapp.messages import (
 from flightapp.perception.aruco import ArucoDetector
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.polynomial import PolynomialPlanner
+from flightapp.planning.race import RacePlanner
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
 from flightapp.track import Gate, GateShape, Start, Track
@@ -51,6 +53,8 @@ from flightapp.trajectory import Trajectory
 
 MISSION = Path(__file__).parents[1] / "missions" / "five_gates.py"
 BATCH = 1000
+UNMEASURED = 3
+"""Runs before those that are timed."""
 GATE_DISTANCE = 4.0
 """m from the camera to the gate of the perception rows."""
 
@@ -106,8 +110,8 @@ def bench_table(result: dict[str, Any]) -> Table:
 
 
 def measure(name: str, function: Callable[[], object], count: int, calls: int = 1) -> Row:
-    """Time ``function``, which does its work ``calls`` times, ``count`` times after three unmeasured ones."""
-    for _ in range(3):
+    """Time ``function``, which does its work ``calls`` times, ``count`` times after `UNMEASURED` others."""
+    for _ in range(UNMEASURED):
         function()
     taken = np.empty(count)
     for i in range(count):
@@ -178,6 +182,9 @@ def _planning() -> Iterator[Row]:
         request, waypoints = _course(points)
         yield measure(f"plan_{points}", lambda r=request, w=waypoints: planner.through(w, r), count)  # type: ignore[misc]
     yield measure("replan_26", _replans(planner, 26), 300)
+    racer, race = RacePlanner(config), _race(config)
+    yield measure("race_plan", lambda: racer.plan(race), 50)
+    yield measure("race_replan", _race_replans(config, race, 50 + UNMEASURED), 50)
 
 
 def _replans(planner: PolynomialPlanner, points: int) -> Callable[[], Trajectory]:
@@ -192,6 +199,40 @@ def _replans(planner: PolynomialPlanner, points: int) -> Callable[[], Trajectory
         asked.append((moved, PlanRequest(s.stamp, motion, (), request.end, request.limits)))
     turns = itertools.cycle(asked)
     return lambda: planner.through(*next(turns))
+
+
+def _race(config: Config) -> PlanRequest:
+    """Five gates, flown as a race is by default."""
+    course = next(course for course in yardsticks().courses if course.name == "five_gates")
+    ways = np.diff(np.vstack((course.start, course.points, course.finish)), axis=0)
+    yaws = np.arctan2(*(ways[:-1] + ways[1:])[:, 1::-1].T)
+    sure = np.diag((0.01, 0.01, 0.01, 0.001)) ** 2
+    gates = (
+        GateEstimate(i, p, float(yaw), sure, 9, 0.0) for i, (p, yaw) in enumerate(zip(course.points, yaws, strict=True))
+    )
+    rest = np.zeros(3)
+    limits = Limits(config.race.v_max, config.race.a_max, config.vehicle.yaw_rate_max)
+    start = Motion(course.start, rest, rest, rest, 0.0, 0.0)
+    return PlanRequest(0.0, start, tuple(gates), course.finish, limits, None, None, GateShape())
+
+
+def _race_replans(config: Config, race: PlanRequest, count: int) -> Callable[[], Trajectory]:
+    """Plans anew before the first gate, each on another plan in flight, with gates that moved by centimetres."""
+    generator, asked = np.random.default_rng(0), []
+    for share in generator.uniform(0.1, 0.8, count):
+        planner = RacePlanner(config)
+        plan = planner.plan(race)
+        s = plan.setpoint(plan.stamp + share * plan.gate_times[0])
+        motion = Motion(s.position, s.velocity, s.acceleration, s.jerk, s.yaw, s.yaw_rate)
+        gates = tuple(replace(gate, position=gate.position + generator.normal(0.0, 0.02, 3)) for gate in race.gates)
+        asked.append((planner, replace(race, stamp=s.stamp, start=motion, gates=gates)))
+    turns = iter(asked)
+
+    def replan() -> Trajectory:
+        planner, request = next(turns)
+        return planner.plan(request)
+
+    return replan
 
 
 def _perception() -> Iterator[Row]:

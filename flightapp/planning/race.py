@@ -59,6 +59,11 @@ MISSING = 0.01
 OUTSIDE = 0.02
 """Of dᵀ A d, how far outside a gate's area a plan may cross."""
 UNEVEN = "the route is too uneven for the arithmetic: no finite trajectory was found; space its points evenly"
+ASTRAY = (
+    "no race line with this motion at its start was found but ones that go astray: start it slower, or farther away"
+)
+LATE, GRACE = 1.5, 2.0
+"""A line that starts in motion is astray if it takes so many times the least that one was begun with, and so many s."""
 LIMITS = (
     "m/s of v_max",
     "m/s² of a_max",
@@ -115,12 +120,15 @@ class RacePlanner:
         targets = Targets(route.points, route.directions, radii)
         solids = Solids.of(request, self._margins)
         limits = limits_of(self._vehicle, request, targets)
-        why, search = "", Search()
+        why, begun, search = "", math.inf, Search()
         for layout, parameters in self._layouts(route, solids, request, ends):
             first = beginning(layout.line, at_rest)
             rows = leaving(solids.rows, route.points)
             problem = as_problem(limits, first, targets, layout, rows, self._vehicle)
+            begun = min(begun, float(layout.line[:-1, DURATION].sum()))
             why, drawn = _found(layout, problem, limits, first, parameters, search)
+            if not (why or at_rest) and layout.line[:-1, DURATION].sum() > LATE * begun + GRACE:
+                why = ASTRAY
             if not why:
                 return self._complete(layout, route, request, drawn)
         raise PlanningError(why)

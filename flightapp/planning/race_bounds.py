@@ -15,6 +15,7 @@ from flightapp.planning.race_problem import (
     ACCELERATION,
     ALONG,
     CLEARANCE,
+    FORCE,
     KINDS,
     LEAST_FORCE,
     RATE,
@@ -26,12 +27,14 @@ from flightapp.planning.race_samples import DURATION
 from flightapp.planning.race_start import Layout
 from flightapp.track import GateShape
 
-SMOOTHING = 1e-6
-"""s⁵/m², weight of the squared jerk against the duration: it decides where nothing else does."""
+SMOOTHING = 0.027
+"""s per s that half the squared jerk costs, in units of that which turns full thrust at the greatest rate: it decides
+where nothing else does."""
 GENTLE = 3.0
 """m/s, greatest speed at which that weight is twice as large: below it turns are a small part of the time."""
-BRIEFEST = 0.01
-"""s, least duration of a segment."""
+TURN, BRIEFER = 0.06, 0.5
+"""rad, least angle at the greatest body rate that a segment takes the time for, unless it is begun with less: then the
+share of that which it takes at least."""
 STIFF = 1e3
 """1/m, square root of the weight that holds knots in the plane of their gate."""
 ROOM = 0.01
@@ -167,9 +170,10 @@ def as_problem(
     active[CLEARANCE] = rows.size > 0
     active[KINDS + 1 :] = areas.any(), normals.any()
     numbers = coefficients(np.where(first[:, None] != 0.0, limits[1], limits[0]))
-    smooth = SMOOTHING * (1.0 + (GENTLE / limits[0, SPEED]) ** 3)
+    smooth = SMOOTHING / (limits[0, RATE] * limits[0, FORCE]) ** 2 * (1.0 + (GENTLE / limits[0, SPEED]) ** 3)
     knots = fixed, centres, areas, normals, planes
-    return Problem(active, numbers, BRIEFEST, vehicle.cosine, smooth, *knots, rows, vehicle.drag)
+    briefest = np.minimum(TURN / limits[0, RATE], BRIEFER * layout.line[:-1, DURATION])
+    return Problem(active, numbers, briefest, vehicle.cosine, smooth, *knots, rows, vehicle.drag)
 
 
 def coefficients(limits: Vector) -> Vector:

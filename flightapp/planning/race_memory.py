@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.interfaces import PlanRequest
-from flightapp.planning.race_samples import DURATION
+from flightapp.planning.race_samples import DURATION, knot_at
 from flightapp.planning.race_smooth import bend
 from flightapp.planning.race_start import Layout, joined, lay_out
 
@@ -16,6 +16,8 @@ OFF = 1.0
 """m from the last line at which a start does not continue it."""
 STUB = 0.35
 """Share of the next segment's duration that the rest of the first one must have to stay one of its own."""
+EARLY = 0.15
+"""s after the start at which there is a knot, if the first segment is twice as long or more."""
 INSTANT = 0.02
 """s, least duration of a segment to start with."""
 
@@ -62,17 +64,30 @@ def continued(memory: Memory, request: PlanRequest, centres: Vector, directions:
     line[0, DURATION] = max(times[first] - t, INSTANT)
     line[0, :3], line[0, 3:DURATION] = request.start.position, ends[0].ravel()
     kept = np.concatenate(([0], anchors[: common + whole] - (first - 1)))
+    drawn = memory.drawn[first - 1 : last]
+    if line[0, DURATION] > 2.0 * EARLY:
+        # A start in the middle of a turn needs a knot soon after it.
+        line, drawn = _divided(line), np.vstack((drawn[:1], drawn))
+        kept[1:] += 1
     goals = [gate.position for gate in old.gates[passed : passed + common]] + [old.end]
     moves = np.vstack((np.zeros(3), centres[1 : len(kept)] - np.array(goals[: len(kept) - 1])))
     if not bend(line, kept, moves):
         return None
-    kept_layout = Layout(line, kept, np.zeros(len(line)), memory.drawn[first - 1 : last])
+    kept_layout = Layout(line, kept, np.zeros(len(line)), drawn)
     if whole:
         line[-1, :3], line[-1, 3:DURATION] = request.end, ends[1].ravel()
         return kept_layout
     onwards = np.array([line[-1, 3:DURATION].reshape(3, 3), ends[1]])
     rest = lay_out(centres[common:], directions[common:], onwards, request.limits.v_max, 1.0)
     return joined(kept_layout, rest)
+
+
+def _divided(line: Vector) -> Vector:
+    """``line`` with another knot in its first segment."""
+    early = np.concatenate((knot_at(line, 0, EARLY / line[0, DURATION]), [line[0, DURATION] - EARLY]))
+    divided = np.vstack((line[:1], early, line[1:]))
+    divided[0, DURATION] = EARLY
+    return divided
 
 
 def _common(old: list[int], new: list[int]) -> int:

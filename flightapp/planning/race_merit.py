@@ -13,7 +13,7 @@ from flightapp.planning.race_work import Work
 
 TO_BOUNDARY = 0.98
 """Share of the way to zero that slacks and multipliers may go in one step."""
-SPREAD = 1e9
+SPREAD = 1e4
 """Ratio by which a multiplier may differ from the barrier over its slack."""
 GROUPS = KINDS + 3
 """Kinds of inequalities, those of knots among them."""

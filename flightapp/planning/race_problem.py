@@ -36,9 +36,9 @@ class Problem(NamedTuple):
     active: Vector
     """(KINDS + 3,) 1 where inequalities of that kind, or of a knot, are wanted, else 0."""
     limits: Vector
-    """(n, KINDS) of each segment: 1/v², 1/a², 1/f², 1/ω², least f², least cosine of the tilt, floor, more clearance."""
-    briefest: float
-    """s, least duration of a segment."""
+    """(n, KINDS) of each segment: 1/v², 1/a², 1/f², 1/ω², least f², cosine of the tilt, floor, clearance to add."""
+    briefest: Vector
+    """(n,) s, least duration of each segment."""
     cosine: float
     """Of the greatest angle between a gate's normal and the velocity."""
     smooth: float
@@ -73,7 +73,9 @@ def at_samples(kind: int, q: Vector, limits: Vector, rows: Vector, away: Vector,
     ``limits`` (KINDS,) are the segment's. Directions away from the nearest obstacle go to ``away`` (3, SAMPLES).
     """
     if kind == CLEARANCE:
-        _too_near(q, rows, limits[CLEARANCE], away, out)
+        _too_near(q, rows, away, out)
+        for k in range(SAMPLES):
+            out[k] += limits[CLEARANCE]
         return
     limit = limits[kind]
     if kind == FLOOR:
@@ -88,10 +90,17 @@ def at_samples(kind: int, q: Vector, limits: Vector, rows: Vector, away: Vector,
     if kind <= FORCE:
         for k in range(SAMPLES):
             out[k] = limit * out[k] - 1.0
-    elif kind == RATE:
-        a, b, c = q[9], q[10], q[11]
+    else:
+        _by_force(kind, q, limit, out)
+
+
+@inlined
+def _by_force(kind: int, q: Vector, limit: float, out: Vector) -> None:
+    """Turn ``out`` (SAMPLES,), squares of the specific force, into what of the inequality ``kind`` depends on them."""
+    if kind == RATE:
+        x, y, z, a, b, c = q[6], q[7], q[8], q[9], q[10], q[11]
         for k in range(SAMPLES):
-            along = a[k] * x[k] + b[k] * y[k] + c[k] * (z[k] + lift)
+            along = a[k] * x[k] + b[k] * y[k] + c[k] * (z[k] + GRAVITY)
             turning = a[k] * a[k] + b[k] * b[k] + c[k] * c[k] - ALONG * along * along / out[k]
             out[k] = (limit * turning - out[k]) / G2
     elif kind == LEAST_FORCE:
@@ -99,12 +108,12 @@ def at_samples(kind: int, q: Vector, limits: Vector, rows: Vector, away: Vector,
             out[k] = (limit - out[k]) / G2
     else:
         for k in range(SAMPLES):
-            out[k] = (limit * math.sqrt(out[k]) - z[k] - lift) / GRAVITY
+            out[k] = (limit * math.sqrt(out[k]) - q[8, k] - GRAVITY) / GRAVITY
 
 
 @inlined
-def _too_near(q: Vector, rows: Vector, more: float, away: Vector, out: Vector) -> None:
-    """How much too near the samples are to the obstacles nearest to them, with ``more`` m of clearance."""
+def _too_near(q: Vector, rows: Vector, away: Vector, out: Vector) -> None:
+    """How much too near the samples are to the obstacles nearest to them."""
     p, gradient = away[3, :3], away[3, 3:6]
     for k in range(SAMPLES):
         for axis in range(3):
@@ -118,7 +127,7 @@ def _too_near(q: Vector, rows: Vector, more: float, away: Vector, out: Vector) -
                     worst = lack
                     for axis in range(3):
                         away[axis, k] = gradient[axis]
-        out[k] = worst + more
+        out[k] = worst
 
 
 @inlined
@@ -173,7 +182,7 @@ def evaluate(line: Vector, problem: Problem, ends: Vector, samples: Vector, c: V
             break
         duration = line[i, DURATION]
         cost += duration
-        c[i, BRIEF] = (problem.briefest - duration) / problem.briefest
+        c[i, BRIEF] = 1.0 - duration / problem.briefest[i]
         scaled_ends(i, line, duration, y)
         sample(BY_ENTRY, duration, y, q)
         add_drag(problem.drag, q)

@@ -64,6 +64,16 @@ DENSE: Vector = np.array(
 """(FINE, 4, 8, SAMPLES), both ends included."""
 
 
+def knot_at(line: Vector, i: int, share: float) -> Vector:
+    """(12,) the motion of ``line`` (n + 1, 13) at a ``share`` of the duration of segment ``i``."""
+    duration = line[i, DURATION]
+    powers = duration ** np.arange(4)
+    ends = np.concatenate((line[i, :DURATION].reshape(4, 3), line[i + 1, :DURATION].reshape(4, 3)))
+    motion = _sampled(np.array([share]))[0] @ (np.concatenate((powers, powers))[:, None] * ends)
+    flat: Vector = (motion / powers[:, None]).ravel()
+    return flat
+
+
 @inlined
 def scaled_ends(i: int, line: Vector, duration: float, y: Vector) -> None:
     """Fill ``y`` (8, 3) with the ends of segment ``i`` of ``line`` (n + 1, 13), scaled by powers of the duration."""
@@ -83,14 +93,15 @@ def sample(basis: Vector, duration: float, y: Vector, q: Vector) -> None:
     """
     scale = 1.0
     for d in range(4):
+        b = basis[d]
         for axis in range(3):
             row = q[3 * d + axis]
+            # One sum of all entries at once is a third of the work of adding one after the other.
+            y0, y1, y2, y3 = scale * y[0, axis], scale * y[1, axis], scale * y[2, axis], scale * y[3, axis]
+            y4, y5, y6, y7 = scale * y[4, axis], scale * y[5, axis], scale * y[6, axis], scale * y[7, axis]
             for k in range(SAMPLES):
-                row[k] = 0.0
-            for e in range(ENTRIES):
-                x = scale * y[e, axis]
-                for k in range(SAMPLES):
-                    row[k] += x * basis[d, e, k]
+                first = y0 * b[0, k] + y1 * b[1, k] + y2 * b[2, k] + y3 * b[3, k]
+                row[k] = first + (y4 * b[4, k] + y5 * b[5, k] + y6 * b[6, k] + y7 * b[7, k])
         scale /= duration
 
 
@@ -99,16 +110,15 @@ def sample_changes(duration: float, y: Vector, q: Vector, out: Vector) -> None:
     """Fill ``out`` (15, SAMPLES) with the derivative of samples ``q`` by the segment's duration, as `sample` does."""
     scale = 1.0 / duration
     for d in range(4):
+        b = BY_ENTRY[d]
         for axis in range(3):
             row, own = out[3 * d + axis], q[3 * d + axis]
             x = -d / duration
+            y1, y2, y3 = scale * y[1, axis], 2.0 * scale * y[2, axis], 3.0 * scale * y[3, axis]
+            y5, y6, y7 = scale * y[5, axis], 2.0 * scale * y[6, axis], 3.0 * scale * y[7, axis]
             for k in range(SAMPLES):
-                row[k] = x * own[k]
-            for e in range(ENTRIES):
-                if e % 4 != 0:
-                    x = scale * (e % 4) * y[e, axis]
-                    for k in range(SAMPLES):
-                        row[k] += x * BY_ENTRY[d, e, k]
+                first = x * own[k] + y1 * b[1, k] + y2 * b[2, k] + y3 * b[3, k]
+                row[k] = first + (y5 * b[5, k] + y6 * b[6, k] + y7 * b[7, k])
         scale /= duration
 
 

@@ -8,6 +8,7 @@ time. What then is left of the excess, a line from rest to rest loses by being f
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.planning.race_bounds import coefficients
@@ -20,24 +21,24 @@ TOLERATED = 1.0008
 """Ratio to a limit, densely sampled, that counts as keeping to it."""
 NEAR = 2e-3
 """m, or of a cosine, that may be missing to clearance, floor and tilt."""
-FIRST = Parameters(0.02, 22, 0.01, 1e-3, 1e-2, 0.5, 0.2, 0.1, 2.0)
+FIRST = Parameters(0.02, 12, 40, 0.02, 2e-2, 1e-2, 0.5, 0.2, 0.1, 2.0)
 """For a line from nothing."""
-WARM = FIRST._replace(barrier=2e-4, steps=14, shrink=0.5, damping=2.0, weight=5.0)
+WARM = FIRST._replace(barrier=2e-4, enough=3, steps=25, shrink=0.5, damping=2.0, weight=5.0)
 """For a line that was found for nearly the same."""
-AGAIN = FIRST._replace(barrier=-1.0, steps=5)
+AGAIN = FIRST._replace(barrier=-1.0, enough=2, steps=10)
 """For a line that was found just now, with limits drawn in."""
-ROUNDS, GENTLE_ROUNDS = 9, 4
-"""Times that limits are drawn in, and of these the ones on which lines become only a little smoother."""
+ROUNDS = 9
+"""Times that limits are drawn in."""
 LEAST, MOST = 1e-3, 1.1
 """A limit is drawn in by the excess and this, but by no more than this ratio."""
 FARTHEST = 0.05
 """m, or of a cosine, by which those are drawn in at most."""
-CALMER, CALMEST = 1.15, 3.0
-"""The ratios by which smoothing grows every time, at first and then."""
+CALMER = 1.5
+"""The ratio by which smoothing grows every time."""
 STRETCHES, HASTE = 40, 0.25
 """Times that a line is flown slower, and the growth of the exponent by which it is."""
-EFFORT = 3000
-"""Steps times segments that one request may take; a step of one segment takes some 15 µs."""
+EFFORT = 2400
+"""Steps times segments that one request may take; a step of one segment takes some 20 µs."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
 
@@ -81,7 +82,8 @@ class Search:
         (n, KINDS), which is 0 where there is no such bound. ``problem`` has the limits that are kept to in the end.
         """
         worst = np.empty((len(line) - 1, KINDS))
-        calm, held = problem.smooth, np.flatnonzero(least.any(axis=1))
+        calm = problem.smooth
+        held: NDArray[np.bool_] = np.asarray(least.any(axis=1))
         going = self.improve(line, problem._replace(limits=coefficients(limits)), first, work)
         for count in range(ROUNDS + 1):
             measure(line, problem, work.ends, work.samples, worst)
@@ -89,16 +91,15 @@ class Search:
             done = ratio <= TOLERATED and worst[:, TILT:].max() <= NEAR and self._in_place(problem, work)
             if done or not going or count == ROUNDS:
                 break
-            if count >= PATIENCE and held.size and not ratio < HOPELESS:
+            if count >= PATIENCE and held.any() and not ratio < HOPELESS:
                 break
             excess = np.where(worst > 1.0, np.minimum(worst + LEAST, MOST), 1.0)
             limits[:, :LEAST_FORCE] = np.maximum(limits / excess, least)[:, :LEAST_FORCE]
             limits[:, LEAST_FORCE] *= excess[:, LEAST_FORCE]
             limits[held, LEAST_FORCE] = np.minimum(limits, least)[held, LEAST_FORCE]
             more = np.where(worst[:, TILT:] > 0.0, np.minimum(worst[:, TILT:] + LEAST, FARTHEST), 0.0)
-            more[held] = 0.0
-            limits[:, TILT:] += more
-            calm *= CALMER if count < GENTLE_ROUNDS else CALMEST
+            limits[:, TILT:] += np.where(held[:, None], 0.0, more)
+            calm *= CALMER
             going = self.improve(line, problem._replace(limits=coefficients(limits), smooth=calm), AGAIN, work)
         return worst
 

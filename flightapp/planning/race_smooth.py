@@ -19,7 +19,7 @@ def smoothen(line: Vector, fixed: Vector) -> bool:
     n = len(line) - 1
     nowhere, none, areas = np.zeros((n + 1, 3)), np.zeros((n, KINDS)), np.zeros((n + 1, 3, 3))
     problem = Problem(
-        np.zeros(KINDS + 3), none, 1.0, 0.0, 1.0, fixed, nowhere, areas, nowhere, nowhere, np.empty((0, 13)), 0.0
+        np.zeros(KINDS + 3), none, np.ones(n), 0.0, 1.0, fixed, nowhere, areas, nowhere, nowhere, np.empty((0, 13)), 0.0
     )
     work = room(n)
     assemble(line, problem, 0.0, work)

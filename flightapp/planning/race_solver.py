@@ -32,6 +32,8 @@ class Parameters(NamedTuple):
 
     barrier: float
     """s, the first weight of the barrier; negative to keep slacks and multipliers from a search before."""
+    enough: int
+    """Steps after which to stop as soon as all is kept to, even while there is still time to be gained."""
     steps: int
     """The most steps."""
     gap: float
@@ -56,7 +58,7 @@ def _room_for_durations(line: Vector, problem: Problem, work: Work, share: float
     for i in range(line.shape[0] - 1):
         shorter = -work.step[i, DURATION]
         if shorter > 0.0:
-            share = min(share, 0.9 * (line[i, DURATION] - SHORTEST * problem.briefest) / shorter)
+            share = min(share, 0.9 * (line[i, DURATION] - SHORTEST * problem.briefest[i]) / shorter)
     return share
 
 
@@ -104,7 +106,8 @@ def improve(line: Vector, problem: Problem, parameters: Parameters, work: Work) 
             tries += 1
         complementarity, excess = accept(line, problem, mu, dually, work)
         total = _duration(line)
-        if complementarity < gap * total and excess < parameters.excess and before_last - total < 0.3 * gap * total:
+        settled = steps + 1 >= parameters.enough or before_last - total < 0.3 * gap * total
+        if settled and complementarity < gap * total and excess < parameters.excess:
             return steps + 1
         before_last, last = last, total
         if tries > 0:

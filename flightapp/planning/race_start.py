@@ -19,7 +19,7 @@ GENTLE = 8.0
 SPACING = 0.8
 """m of leg per segment, before a leg is divided into the most segments that it gets."""
 MOST_SEGMENTS = 32
-"""About how many segments a line has at most, as long as each leg has two."""
+"""About how many segments a line has at most, as long as each leg has one."""
 FINEST = 4
 """Segments of a leg between gates."""
 SHORT = 0.05
@@ -84,7 +84,7 @@ def lay_out(points: Vector, directions: Vector, ends: Vector, v_max: float, slow
 
 def _counts(lengths: Vector, moving: Vector) -> NDArray[np.intp]:
     """Segments of each leg: few on short legs, but enough at an end that is flown at speed."""
-    finest = max(2, min(FINEST, MOST_SEGMENTS // lengths.size))
+    finest = max(1, min(FINEST, MOST_SEGMENTS // lengths.size))
     counts = np.clip(np.ceil(lengths / SPACING), 1, finest).astype(np.intp)
     for place, speed in ((0, moving[0]), (-1, moving[1])):
         counts[place] = max(counts[place], 3 if lengths.size == 1 or speed > 0.0 else 2)

@@ -15,6 +15,18 @@ REFUSALS = 12
 
 
 @inlined
+def _hold(rows: Vector, columns: Vector, block: Vector) -> None:
+    """Zero what of ``block`` (13, 13) belongs to ``rows`` and ``columns`` (13,) of 1."""
+    for a in range(KNOT):
+        if rows[a] != 0.0:
+            for b in range(KNOT):
+                block[a, b] = 0.0
+        if columns[a] != 0.0:
+            for b in range(KNOT):
+                block[b, a] = 0.0
+
+
+@inlined
 def _damp(line: Vector, problem: Problem, damping: float, work: Work) -> None:
     """Copy the blocks to the factor's place, without fixed variables and with damping on the diagonal.
 
@@ -22,32 +34,33 @@ def _damp(line: Vector, problem: Problem, damping: float, work: Work) -> None:
     """
     n = line.shape[0] - 1
     for k in range(n + 1):
+        D, source, fixed, step = work.factor[k], work.diagonal[k], problem.fixed[k], work.step[k]
+        held = 0.0
+        for a in range(KNOT):
+            held += fixed[a]
+            step[a] = work.right[k, a] * (1.0 - fixed[a])
+            for b in range(KNOT):
+                D[a, b] = source[a, b]
+        if held > 0.0:
+            _hold(fixed, fixed, D)
         i = min(k, n - 1)
         duration, away = line[i, DURATION], 0.0
         for a in range(3):
             away += (line[i + 1, a] - line[i, a]) ** 2
         measure = damping * duration / max(away, 1e-4)
-        D, source, held = work.factor[k], work.diagonal[k], problem.fixed[k]
-        for a in range(KNOT):
-            if held[a] != 0.0:
-                for b in range(KNOT):
-                    D[a, b] = D[b, a] = 0.0
-                D[a, a] = 1.0
-                work.step[k, a] = 0.0
-                continue
-            work.step[k, a] = work.right[k, a]
-            for b in range(a + 1):
-                D[a, b] = 0.0 if held[b] != 0.0 else source[a, b]
         for d in range(4):
             for a in range(3 * d, 3 * d + 3):
-                D[a, a] += measure
+                D[a, a] += measure * (1.0 - fixed[a]) + fixed[a]
             measure *= duration * duration
-        D[DURATION, DURATION] += damping / duration
+        D[DURATION, DURATION] += damping / duration * (1.0 - fixed[DURATION]) + fixed[DURATION]
         if k < n:
-            E, below, next_held = work.factor_below[k], work.below[k], problem.fixed[k + 1]
+            E, below, after = work.factor_below[k], work.below[k], problem.fixed[k + 1]
             for a in range(KNOT):
+                held += after[a]
                 for b in range(KNOT):
-                    E[a, b] = 0.0 if next_held[a] != 0.0 or held[b] != 0.0 else below[a, b]
+                    E[a, b] = below[a, b]
+            if held > 0.0:
+                _hold(after, fixed, E)
 
 
 @inlined
@@ -108,7 +121,7 @@ def slopes(line: Vector, problem: Problem, work: Work) -> None:
         if i == n:
             break
         duration, longer = line[i, DURATION], step[i, DURATION]
-        slope[i, BRIEF] = -longer / problem.briefest
+        slope[i, BRIEF] = -longer / problem.briefest[i]
         _step_ends(i, duration, step, work.ends)
         sample(BY_ENTRY, duration, work.ends, q)
         add_drag(problem.drag, q)

@@ -75,18 +75,19 @@ def _with_duration(i: int, duration: float, smooth: float, work: Work) -> tuple[
 def _carry_sums(duration: float, work: Work) -> None:
     """Fill ``work.totals`` with what the samples' sums are by the scaled ends of the segment."""
     pull, moved, totals = work.pull, work.moved, work.totals
+    s1 = 1.0 / duration
+    s2, s3 = s1 * s1, s1 * s1 * s1
     for a in range(totals.shape[1]):
         right, by_duration = totals[0, a], totals[1, a]
         for e in range(ENTRIES):
             right[e] = by_duration[e] = 0.0
-        scale = 1.0
-        for d in range(4):
-            for k in range(SAMPLES):
-                x, z = scale * pull[3 * d + a, k], scale * moved[3 * d + a, k]
-                for e in range(ENTRIES):
-                    right[e] -= x * BY_SAMPLE[k, d, e]
-                    by_duration[e] += z * BY_SAMPLE[k, d, e]
-            scale /= duration
+        for k in range(SAMPLES):
+            b = BY_SAMPLE[k]
+            x0, x1, x2, x3 = pull[a, k], s1 * pull[3 + a, k], s2 * pull[6 + a, k], s3 * pull[9 + a, k]
+            z0, z1, z2, z3 = moved[a, k], s1 * moved[3 + a, k], s2 * moved[6 + a, k], s3 * moved[9 + a, k]
+            for e in range(ENTRIES):
+                right[e] -= x0 * b[0, e] + x1 * b[1, e] + x2 * b[2, e] + x3 * b[3, e]
+                by_duration[e] += z0 * b[0, e] + z1 * b[1, e] + z2 * b[2, e] + z3 * b[3, e]
 
 
 @inlined
@@ -253,6 +254,6 @@ def assemble(line: Vector, problem: Problem, mu: float, work: Work) -> None:
         if with_places:
             _carry_places(work)
         _scatter(i, duration, work)
-        s, weight, slope = work.slack[i, BRIEF], work.dual[i, BRIEF], -1.0 / problem.briefest
+        s, weight, slope = work.slack[i, BRIEF], work.dual[i, BRIEF], -1.0 / problem.briefest[i]
         work.right[i, DURATION] = right - slope * (mu + weight * (work.c[i, BRIEF] + s)) / s
         work.diagonal[i, DURATION, DURATION] = bend + weight / s * slope * slope

@@ -162,8 +162,7 @@ def test_a_pillar_in_the_way_is_flown_around():
 
 
 def test_drag_counts_as_thrust():
-    planning = Planning(drag_share=1.0)
-    windy = Config(vehicle=Vehicle(thrust_to_weight=2.8, drag=(0.4, 0.4, 0.4)), planning=planning)
+    windy = Config(vehicle=Vehicle(thrust_to_weight=2.8, drag=(0.4, 0.4, 0.4)), planning=Planning(drag_share=1.0))
     request = with_shape(request_for(FIVE_GATES, v_max=math.inf, a_max=math.inf))
     trajectory = RacePlanner(windy).plan(request)
     samples = trajectory.sample(np.linspace(0.0, trajectory.duration, 5000))
@@ -201,8 +200,8 @@ def test_too_little_thrust_is_told():
         RacePlanner(weak).plan(request_for(FIVE_GATES))
 
 
-def test_a_start_that_cannot_stop_before_a_wall_of_limits_is_refused():
-    fast = Motion(np.array([0.0, 0.0, 2.0]), np.array([4.0, 0.0, 0.0]), ZERO, ZERO, 0.0, 0.0)
-    request = PlanRequest(0.0, fast, (gate(1, 0.6, 0.5, 2.0, 2.0),), np.array([5.0, 5.0, 2.0]), Limits(4.0, 4.0, 3.0))
-    with pytest.raises(PlanningError, match="race line"):
+def test_a_dive_that_cannot_be_ended_above_the_floor_is_refused():
+    diving = Motion(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -4.0]), ZERO, ZERO, 0.0, 0.0)
+    request = PlanRequest(0.0, diving, (gate(1, 5, 0, 1.0, 0.0),), np.array([8.0, 0.0, 1.0]), Limits(4.0, 4.0, 3.0))
+    with pytest.raises(PlanningError, match="least height"):
         FREE.plan(request)

@@ -38,8 +38,9 @@ def some_problem(rng, drag, obstacle=False):
     rows = CYLINDER if obstacle else np.zeros((0, CYLINDER.shape[1]))
     centres = rng.normal(size=(n + 1, 3))
     limits = np.tile(row, (n, 1))
-    knots = fixed, centres, areas, normals, planes
-    return Problem(active, limits, 0.05, math.cos(0.4), 1e-3, *knots, rows, drag)
+    return Problem(
+        active, limits, np.full(n, 0.05), math.cos(0.4), 1e-3, fixed, centres, areas, normals, planes, rows, drag
+    )
 
 
 def wanted(problem):
