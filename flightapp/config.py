@@ -149,7 +149,7 @@ class Planning(Section):
     )
     frame_clearance: Finite = Field(0.05, ge=0.0, le=2.0, description="m beyond vehicle.radius, from gates' frames")
     gate_margin: Finite = Field(
-        0.3, ge=0.0, le=5.0, description="m from a gate's centre that race lines may use at most"
+        0.15, ge=0.0, le=5.0, description="m from a gate's centre that race lines may use at most"
     )
     waypoint_radius: Finite = Field(0.0, ge=0.0, le=5.0, description="m from waypoints within which race lines pass")
     drag_share: Finite = Field(0.0, ge=0.0, le=1.0, description="of vehicle.drag that race lines count as thrust")

@@ -71,7 +71,7 @@ def test_the_numbers_are_those_of_the_trajectory(flown):
     directory, _ = flown
     line = load_trajectory(directory / "line.csv")
     told = json.loads((directory / "plan.json").read_text())
-    assert (told["track"], told["planner"]) == ("five_gates", "polynomial")
+    assert (told["track"], told["planner"]) == ("five_gates", "race")
     assert told["duration"] == line.duration
     path = line.sample(np.linspace(0.0, line.duration, 20000)).position
     assert told["length"] == pytest.approx(np.linalg.norm(np.diff(path, axis=0), axis=1).sum(), rel=1e-4)

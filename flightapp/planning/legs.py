@@ -39,22 +39,22 @@ def approach(a: Vector, b: Vector, rows: Vector, i: int) -> float:
     The distance from a convex solid is convex along a line: where its derivative changes sign it is least.
     """
     gradient, p = np.empty(3), np.empty(3)
-    low, high, d = 0.0, 1.0, 0.0
+    low, high, least = 0.0, 1.0, math.inf
     for halving in range(HALVINGS + 2):
         s = float(halving) if halving < 2 else 0.5 * (low + high)
         for j in range(3):
             p[j] = a[j] + s * (b[j] - a[j])
-        d = distance(p, rows, i, gradient)
+        least = min(least, distance(p, rows, i, gradient))
         slope = 0.0
         for j in range(3):
             slope += gradient[j] * (b[j] - a[j])
         if (halving == 0 and slope >= 0.0) or (halving == 1 and slope <= 0.0):
-            return d
+            return least
         if slope < 0.0:
             low = s
         else:
             high = s
-    return d
+    return least
 
 
 @kernel

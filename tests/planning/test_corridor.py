@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
@@ -54,6 +54,7 @@ points = st.tuples(near, near, near).map(np.array)
 
 
 @given(points, points, st.integers(0, 5))
+@example(np.array((-1.0, 2.0, 1.0)), np.array((-2.0, 0.0, 0.0)), 0)
 def test_approach_is_the_least_distance_on_the_leg(a, b, i):
     rows = solids(
         Cylinder(name="pillar", base=(-1.0, 2.0, 0.0), radius=0.4, height=2.0),
