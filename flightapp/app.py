@@ -19,7 +19,6 @@ from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
 from flightapp.interfaces import Rig
-from flightapp.mapping.slam import SlamMapper
 from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
 from flightapp.mission.loader import MissionFile, load_mission
@@ -84,8 +83,8 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
     rig_class = find("rigs", plan.rig)
 
     async def main() -> Flown:
-        spare = choose_modules(config, mission.track, config.camera.model())
-        warm_up(config, mission.track, spare)
+        known = told(mission.track, config)
+        warm_up(config, known, choose_modules(config, known, config.camera.model()))
         session = RealtimeSession(config.realtime)
         with session.adopting("the link"):
             rig: Rig = rig_class(config, mission.track, plan.seed)
@@ -141,7 +140,7 @@ def _wire(
     bus.event.tap(app_log.write)
     bus.fault.tap(bus.event.publish)
     rig.autopilot.notices.tap(bus.event.publish)
-    known = rig.survey(mission.track)
+    known = rig.survey(told(mission.track, config))
     modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)
     context = Context(bus, config, rig.autopilot, line, machine, known, modules.guard.release)
@@ -154,7 +153,7 @@ def _wire(
             "camera": tasks.camera(rig, bus),
             "detection": tasks.detection(rig, bus, modules, config, known),
             "estimation": tasks.estimation(rig, bus, modules.estimator),
-            "mapping": tasks.mapping(rig, bus, modules.mapper),
+            "mapping": tasks.mapping(bus, modules.estimator),
             "planning": tasks.planning(rig, bus, modules, config, line),
             "control": tasks.control(rig, bus, modules, line, ticker),
             "health": tasks.health(rig, bus, config, line),
@@ -187,13 +186,17 @@ def choose_modules(config: Config, track: Track, camera: CameraModel) -> tasks.M
     return tasks.Modules(
         detector=find("detectors", config.detection.detector)(config, track),
         gate_pose=GatePoseSolver(config, track, camera),
-        estimator=find("estimators", config.estimation.estimator)(config),
-        mapper=SlamMapper(config, track, tasks.now()),
+        estimator=find("estimators", config.estimation.estimator)(config, track),
         navigator=Navigator(config, track),
         planner=find("planners", config.planning.planner)(config),
         controller=find("controllers", config.control.controller)(config),
         guard=CommandGuard(config),
     )
+
+
+def told(track: Track, config: Config) -> Track:
+    """``track`` as far as flight code may know it: without the gates' places where these are to be found out."""
+    return track if config.mission.gates_known else track.without_places()
 
 
 def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:
@@ -209,6 +212,7 @@ def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:
         bus.event,
         bus.load,
         rig.autopilot.status,
+        rig.autopilot.imu,
     ]
     if rig.truth is not None:
         topics += [rig.truth.motion, rig.truth.passages, rig.truth.collisions, rig.truth.gates, rig.truth.arrivals]

@@ -23,14 +23,13 @@ from flightapp.config import Config
 from flightapp.control.flatness import FlatnessController, flatness_command
 from flightapp.control.parameters import parameters_of
 from flightapp.control.prediction import ENTRY, HISTORY
-from flightapp.estimation.tracker import TrackerEstimator
+from flightapp.estimation.fusion import FusionEstimator
 from flightapp.evaluation.paper import profiling_times
 from flightapp.evaluation.plan_table import yardsticks
-from flightapp.frames import Vector, quat_from_yaw, quat_to_matrix
+from flightapp.frames import GRAVITY, Vector, quat_from_yaw, quat_to_matrix
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Limits, Motion, PlanRequest
 from flightapp.jit import kernel
-from flightapp.mapping.slam import SlamMapper
 from flightapp.messages import (
     AutopilotStatus,
     FlightMode,
@@ -38,11 +37,14 @@ from flightapp.messages import (
     GateEstimate,
     GateMap,
     GateSighting,
+    ImuSample,
     PoseSample,
     RateCommand,
+    Sightings,
     VehicleState,
 )
 from flightapp.perception.aruco import ArucoDetector
+from flightapp.perception.opencv import OpencvDetector
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.polynomial import PolynomialPlanner
 from flightapp.planning.race import RacePlanner
@@ -246,26 +248,29 @@ def _perception() -> Iterator[Row]:
     regions = expected_regions((gate,), np.zeros(3), state.orientation, camera, track.gate, config.detection)
     yield measure("aruco_tracking", lambda: ours.detect(frame, regions), 300)
     yield measure("aruco_full", lambda: ours.detect(frame, None), 100)
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    opencv = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), parameters)
-    yield measure("opencv_full", lambda: opencv.detectMarkers(image), 100)
+    opencv = OpencvDetector(config, track)
+    yield measure("opencv_full", lambda: opencv.detect(frame, None), 100)
 
 
 def _estimation() -> Iterator[Row]:
-    config = Config()
-    estimator = TrackerEstimator(config)
-    clock = _clock(0.005)
-    yield measure("estimator_step", lambda: estimator.on_pose(_pose(next(clock))), 5000)
-    mapper = SlamMapper(config, _one_gate(), 0.0)
-    frames = _clock(1.0 / 30.0)
+    config, track = Config(), _one_gate()
+    estimator = FusionEstimator(config, track)
+    clock, upward, rest = _clock(0.005), np.array((0.0, 0.0, GRAVITY)), np.zeros(3)
+
+    def step() -> VehicleState | None:
+        stamp = next(clock)
+        estimator.on_imu(ImuSample(stamp, upward, rest))
+        return estimator.on_pose(_pose(stamp))
+
+    yield measure("estimator_step", step, 5000)
 
     def update() -> GateMap:
-        stamp = next(frames)
+        stamp = max(state.stamp for _ in range(6) if (state := step()) is not None)
         sighting = GateSighting(
             stamp, 1, np.array((GATE_DISTANCE, 0.0, 0.0)), quat_from_yaw(0.0), 1e-4 * np.eye(6), None, 4, 0.2
         )
-        return mapper.update((sighting,), _pose(stamp))
+        estimator.on_sightings(Sightings(stamp - 0.03, 0, (), (sighting,)))
+        return estimator.gate_map(stamp)
 
     yield measure("map_update", update, 2000)
 

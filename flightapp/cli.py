@@ -1,12 +1,11 @@
 """The command line: parse, call one function, print."""
 
-import json
 import sys
 from collections.abc import Sequence
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import cv2
 import typer
@@ -19,7 +18,9 @@ from flightapp.autopilot.link import Px4Link
 from flightapp.autopilot.params_file import write_params
 from flightapp.autopilot.wanted_parameters import Profile, wanted_parameters
 from flightapp.bench import bench_table, run_bench
+from flightapp.calibrate_commands import calibrate
 from flightapp.config import dump_config, load_config
+from flightapp.evaluation.detection_bench import detection_table, run_detection_bench
 from flightapp.evaluation.plan_table import plan_rows, rows_json, rows_table
 from flightapp.evaluation.planned import plan_json, plan_tables
 from flightapp.evaluation.summary import why_failed
@@ -33,6 +34,7 @@ from flightapp.track import load_track
 cli = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help="Autonomous drone racing on board."
 )
+cli.add_typer(calibrate, name="calibrate")
 console = Console()
 
 Mission = Annotated[Path, typer.Argument(help="a mission, such as missions/five_gates.py")]
@@ -103,7 +105,7 @@ def sweep(
     with display.bar(console, runs) as advance:
         summary = results.sweep(plan, runs, workers, advance)
     console.print(results.sweep_table(summary))
-    _write_json(json_file, summary)
+    results.write_json(json_file, summary)
 
 
 @cli.command()
@@ -137,11 +139,16 @@ def check(
 
 
 @cli.command()
-def bench(json_file: JsonFile = None) -> None:
+def bench(
+    detection: Annotated[
+        bool, typer.Option("--detection", help="marker detectors side by side: time, share found, corner error")
+    ] = False,
+    json_file: JsonFile = None,
+) -> None:
     """Computation times on this computer, beside the paper's."""
-    result = run_bench()
-    console.print(bench_table(result))
-    _write_json(json_file, result)
+    result = run_detection_bench() if detection else run_bench()
+    console.print(detection_table(result) if detection else bench_table(result))
+    results.write_json(json_file, result)
 
 
 @cli.command()
@@ -179,7 +186,7 @@ def plan(
     page = Path("runs") / f"plan-{track.stem}.html"
     for path in plan_command.write_plan(planned, out or (), rate, page):
         console.print(f"written: {path}", highlight=False, soft_wrap=True)
-    _write_json(json_file, plan_json(planned))
+    results.write_json(json_file, plan_json(planned))
     if touch := plan_command.touch_of(planned):
         console.print(f"not to be flown: {touch}", style="red", highlight=False, markup=False)
         raise typer.Exit(1)
@@ -192,7 +199,7 @@ def _plan_table(planners: str, json_file: Path | None) -> None:
     for row in rows:
         if row.why:
             console.print(f"{row.course}, {row.v_max:g} m/s, {row.planner}: {row.why}", markup=False)
-    _write_json(json_file, rows_json(rows))
+    results.write_json(json_file, rows_json(rows))
 
 
 @cli.command()
@@ -223,7 +230,7 @@ def doctor(
     confirm = _confirm(yes) if fix else None
     diagnosis = visit(Px4Link, config, profile, confirm, Path("runs"))
     console.print(*diagnosis_tables(diagnosis), sep="\n")
-    _write_json(json_file, diagnosis_json(diagnosis))
+    results.write_json(json_file, diagnosis_json(diagnosis))
     raise typer.Exit(1 if diagnosis.light is Light.RED else 0)
 
 
@@ -267,15 +274,6 @@ def _confirm(yes: bool) -> Confirm:
         return yes or typer.confirm("write them?")
 
     return confirm
-
-
-def _write_json(path: Path | None, result: dict[str, Any]) -> None:
-    if path is None:
-        return
-    try:
-        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise BadInputError(f"--json {path}: cannot be written: {error.strerror or error}") from None
 
 
 def main() -> None:

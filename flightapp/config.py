@@ -106,29 +106,41 @@ class Detection(Section):
 
 
 class Estimation(Section):
-    """Vehicle state."""
+    """Vehicle state: what the tracker and the inertial sensors get wrong, as standard deviations."""
 
-    estimator: str = Field("t265", description="entry point in flightapp.estimators")
-    max_jump: Finite = Field(0.5, gt=0.0, le=5.0, description="m between samples, beyond what the speed explains")
-    position_noise: Finite = Field(0.02, gt=0.0, le=1.0, description="m, standard deviation")
-    velocity_noise: Finite = Field(0.05, gt=0.0, le=2.0, description="m/s, standard deviation")
-    attitude_noise: Finite = Field(0.01, gt=0.0, le=0.5, description="rad, standard deviation")
-    drift_blend: Finite = Field(0.15, gt=0.0, le=5.0, description="s, time constant that blends a new drift in")
+    estimator: str = Field("fusion", description="entry point in flightapp.estimators")
+    start_position: Finite = Field(0.005, gt=0.0, le=5.0, description="m, of the start in the track's frame")
+    start_yaw: Finite = Field(0.002, gt=0.0, le=1.0, description="rad, of the heading there")
+    position_noise: Finite = Field(0.003, gt=0.0, le=1.0, description="m, of the tracker from sample to sample")
+    velocity_noise: Finite = Field(0.03, gt=0.0, le=2.0, description="m/s, of the tracker from sample to sample")
+    scale_error: Finite = Field(0.03, gt=0.0, le=0.3, description="share of the way by which the tracker is off")
+    drift_walk: Finite = Field(0.01, ge=0.0, le=1.0, description="m/√m, walk of the tracker's origin with the way")
+    drift_at_rest: Finite = Field(0.001, gt=0.0, le=1.0, description="m/√s, the same with time")
+    yaw_walk: Finite = Field(0.006, ge=0.0, le=0.2, description="rad/√m, walk of the tracker's heading with the way")
+    yaw_at_rest: Finite = Field(0.0005, gt=0.0, le=0.2, description="rad/√s, the same with time")
+    slip_across: Finite = Field(0.003, ge=0.0, le=0.5, description="its horizontal velocity error, share of the speed")
+    slip_up: Finite = Field(0.04, ge=0.0, le=1.0, description="s/m, its vertical velocity error per squared speed")
+    slip_time: Finite = Field(0.5, gt=0.01, le=100.0, description="s, time constant with which these errors change")
+    tilt_error: Finite = Field(0.006, gt=0.0, le=0.2, description="rad, the tracker's error of roll and pitch")
+    tilt_time: Finite = Field(5.0, gt=0.1, le=1000.0, description="s, time constant with which that changes")
+    accelerometer_noise: Finite = Field(0.12, gt=0.0, le=10.0, description="m/s²/√Hz, vibration included")
+    accelerometer_bias: Finite = Field(0.15, gt=0.0, le=5.0, description="m/s², at the start")
+    accelerometer_walk: Finite = Field(0.005, ge=0.0, le=1.0, description="m/s²/√s, by which the bias walks")
+    manoeuvre: Finite = Field(5.0, gt=0.1, le=100.0, description="m/s²/√Hz, accelerations where nothing feels them")
+    coast: Finite = Field(0.5, ge=0.0, le=5.0, description="s without poses for which the inertial sensors stand in")
+    trusted_sigma: Finite = Field(1.0, gt=0.01, le=100.0, description="m, a position known worse is not trusted")
 
 
 class GateMapping(Section):
     """Gate map."""
 
-    drift_rate: Finite = Field(0.03, ge=0.0, le=1.0, description="m/√s, random walk of the tracker's origin")
-    drift_yaw_rate: Finite = Field(0.002, ge=0.0, le=0.2, description="rad/√s, random walk of its heading")
-    drift_speed: Finite = Field(0.03, ge=0.0, le=1.0, description="√s, horizontal random walk per m/s of speed")
-    drift_speed_vertical: Finite = Field(0.06, ge=0.0, le=1.0, description="√s, vertical random walk per m/s of speed")
-    attitude_error: Finite = Field(0.01, ge=0.0, le=0.2, description="rad, of tracker and camera mount together")
-    range_error: Finite = Field(0.01, ge=0.0, le=0.2, description="share of the distance, camera calibration")
-    sync_error: Finite = Field(0.003, ge=0.0, le=0.1, description="s, between the stamps of camera and tracker")
+    attitude_error: Finite = Field(0.005, ge=0.0, le=0.2, description="rad, of tracker and camera mount together")
+    range_error: Finite = Field(0.005, ge=0.0, le=0.2, description="share of the distance, camera calibration")
+    sync_error: Finite = Field(0.001, ge=0.0, le=0.1, description="s, between the stamps of camera and tracker")
     correlation_time: Finite = Field(0.5, ge=0.0, le=10.0, description="s during which these errors stay the same")
     moved_after: int = Field(15, ge=2, le=1000, description="refused sightings in a row that make a gate a moved one")
     gate: Finite = Field(16.0, gt=1.0, le=100.0, description="χ² (4 dof) beyond which a sighting is refused")
+    gate_walk: Finite = Field(0.0, ge=0.0, le=1.0, description="m/√s, by which gates wander")
     known_sigma: Finite = Field(0.35, gt=0.01, le=5.0, description="m, a gate this well known may be flown through")
 
 
@@ -193,7 +205,10 @@ class Race(Section):
     a_max: Finite = Field(8.0, gt=0.0, le=60.0, description="m/s², greatest acceleration planned")
     standoff: Finite = Field(4.0, ge=0.5, le=20.0, description="m before a gate not yet seen, where to wait for it")
     search_timeout: Finite = Field(20.0, gt=1.0, le=600.0, description="s, longest search for one gate")
-    search_yaw_deg: Finite = Field(60.0, ge=0.0, le=180.0, description="°, half-width of the scan for a gate")
+    search_yaw_deg: Finite = Field(60.0, ge=0.0, le=180.0, description="°, half-width of the first scan for a gate")
+    search_speed: Finite = Field(2.0, gt=0.1, le=10.0, description="m/s, greatest speed between the places of a search")
+    search_step: Finite = Field(5.0, ge=1.0, le=20.0, description="m between the places from which a gate is sought")
+    attempts: int = Field(3, ge=1, le=20, description="times that one gate is flown at before it counts as missed")
     timeout: Finite = Field(300.0, gt=1.0, le=3600.0, description="s, longest race")
 
 
@@ -204,6 +219,18 @@ class Mission(Section):
     takeoff_timeout: Finite = Field(40.0, gt=1.0, le=120.0, description="s, the autopilot getting ready included")
     land_timeout: Finite = Field(30.0, gt=1.0, le=300.0, description="s")
     laps: int = Field(1, ge=1, le=1000, description="laps to fly")
+    gates_known: bool = Field(True, description="use the track's places of gates; false: only their ids and markers")
+    geofence: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
+        (-100.0, -100.0, -1.0, 100.0, 100.0, 30.0),
+        description="m, world: least x, y, z and greatest x, y, z of the box within which gates are searched for",
+    )
+
+    @field_validator("geofence")
+    @classmethod
+    def _box(cls, fence: tuple[float, ...]) -> tuple[float, ...]:
+        if any(high - low < 1.0 for low, high in zip(fence[:3], fence[3:], strict=True)):
+            raise ValueError("the geofence must be at least 1 m wide along each axis: least x, y, z, greatest x, y, z")
+        return fence
 
 
 class Safety(Section):
@@ -231,6 +258,7 @@ class Link(Section):
     connect_timeout: Finite = Field(15.0, gt=0.5, le=600.0, description="s to wait for the autopilot")
     lost_after: Finite = Field(1.0, gt=0.1, le=10.0, description="s without any message before the link counts as lost")
     odometry_rate: Finite = Field(20.0, ge=1.0, le=250.0, description="Hz, of the autopilot's own estimate")
+    imu_rate: Finite = Field(200.0, ge=10.0, le=1000.0, description="Hz, of the autopilot's inertial sensors")
 
 
 class ExternalVision(Section):
@@ -251,19 +279,43 @@ class ExternalVision(Section):
 class Sensors(Section):
     """Where a real vehicle's sensors are found; a simulation brings its own."""
 
-    poses: Literal["socket", "autopilot"] = Field(
-        "socket", description="socket: from another process; autopilot: its own ODOMETRY, where it finds its way itself"
+    poses: Literal["socket", "realsense", "replay", "autopilot"] = Field(
+        "socket",
+        description="socket: from another process; realsense: a T265 by pyrealsense2; replay: from a file;"
+        " autopilot: its own ODOMETRY, where it finds its way itself",
     )
     pose_address: str = Field(
         "127.0.0.1:5601", description="for datagrams of poses: 127.0.0.1:PORT or an absolute path"
     )
+    replay: str = Field("", description="the file for poses = replay: .mcap, .csv or .txt/.tum")
     pose_max_age: Finite = Field(0.2, gt=0.0, le=5.0, description="s from capture, an older pose is refused")
+    delay: Finite = Field(
+        0.0, ge=-0.5, le=0.5, description="s by which the tracker's stamps are later than the capture"
+    )
+    mount_position: Triple = Field((0.0, 0.0, 0.0), description="m, the tracker in the body frame (its lever arm)")
+    mount_rpy_deg: Triple = Field(
+        (0.0, 0.0, 0.0), description="deg, roll, pitch and yaw of the tracker's axes (FLU) in the body frame"
+    )
+    frame: Literal["tracker", "start"] = Field(
+        "tracker",
+        description="tracker: its frame as it is (mocap); start: moved so that the track's start is there (T265)",
+    )
+    max_jump: Finite = Field(0.5, gt=0.0, le=5.0, description="m between poses, beyond what the speed explains")
+    max_turn_deg: Finite = Field(
+        20.0, gt=0.0, le=180.0, description="deg between poses, beyond what the angular velocity explains"
+    )
 
     @field_validator("pose_address")
     @classmethod
     def _local(cls, text: str) -> str:
         parse_address(text)
         return text
+
+    @model_validator(mode="after")
+    def _replayed(self) -> "Sensors":
+        if self.poses == "replay" and not self.replay:
+            raise ValueError("sensors.poses = 'replay' needs the file: give sensors.replay")
+        return self
 
 
 class Realtime(Section):
@@ -279,7 +331,6 @@ class Compute(Section):
 
     detection: Finite = Field(0.015, ge=0.0, le=2.0, description="s per frame (paper's laptop: 0.015, Jetson: 0.094)")
     plan: Finite = Field(0.002, ge=0.0, le=5.0, description="s per plan (paper: 0.014 to 1.0)")
-    mapping: Finite = Field(0.0005, ge=0.0, le=1.0, description="s per map update")
 
 
 class Recording(Section):

@@ -1,6 +1,6 @@
 """The Protocols that modules and rigs implement.
 
-Algorithms (detector, estimator, mapper, planner, controller) are pure and synchronous: stamped data in,
+Algorithms (detector, estimator, planner, controller) are pure and synchronous: stamped data in,
 data out, no clock and no asyncio. A rig (the real drone or the simulation) supplies the sensors, the
 autopilot, the survey of the track and the worker that pays for computation.
 """
@@ -15,17 +15,17 @@ from flightapp.messages import (
     AutopilotStatus,
     Collision,
     CommandArrivals,
-    Drift,
     Event,
     Frame,
     GateEstimate,
     GateMap,
     GatePassage,
-    GateSighting,
     GroundTruth,
+    ImuSample,
     MarkerDetection,
     PoseSample,
     RateCommand,
+    Sightings,
     VehicleState,
 )
 from flightapp.perception.camera import CameraModel
@@ -44,26 +44,26 @@ class Detector(Protocol):
 
 
 class Estimator(Protocol):
-    """Turns the tracker's poses into the vehicle's state in the world."""
+    """Estimates the vehicle's state and the gates' places from all that is measured. Times ascend."""
 
     def on_pose(self, sample: PoseSample) -> VehicleState | None:
-        """The state at ``sample``'s stamp; None where the sample is refused (stale, not finite, a jump)."""
+        """The state at ``sample``'s stamp; None where that is not newer than what is known."""
         ...
 
-    def on_drift(self, drift: Drift) -> None:
-        """Take over the tracker's drift as the gate map estimates it."""
+    def on_imu(self, sample: ImuSample) -> VehicleState | None:
+        """Take ``sample`` over; the state at its stamp where it stands in for poses that are missing, else None."""
         ...
 
-
-class Mapper(Protocol):
-    """Keeps the gate map, and the tracker's drift that is estimated with it."""
-
-    def update(self, sightings: Sequence[GateSighting], pose: PoseSample) -> GateMap:
-        """The map after ``sightings``, which were all seen from the tracker's ``pose``."""
+    def on_sightings(self, seen: Sightings) -> bool:
+        """Use what was seen at an exposure that the poses have passed; whether that changed the gate map."""
         ...
 
-    def snapshot(self, stamp: float) -> GateMap:
-        """The map as it stands, without new sightings."""
+    def gate_map(self, stamp: float) -> GateMap:
+        """The gates as they stand, stamped ``stamp``."""
+        ...
+
+    def take_notices(self) -> tuple[str, ...]:
+        """What there is to tell since the last call, in words."""
         ...
 
 
@@ -171,6 +171,11 @@ class Autopilot(Protocol):
     @property
     def status(self) -> Topic[AutopilotStatus]:
         """What it last said of itself."""
+        ...
+
+    @property
+    def imu(self) -> Topic[ImuSample]:
+        """What its inertial sensors measured."""
         ...
 
     @property

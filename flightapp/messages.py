@@ -19,6 +19,9 @@ class MarkerDetection:
     marker_id: int
     corners: Vector
     """(4, 2) pixels: the marker's own top left, top right, bottom right, bottom left."""
+    quality: float = 1.0
+    """Of the reading, 0 to 1: the part of the contrast between black and white that is as the code wants it in the
+    worst cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,21 @@ class PoseSample:
     """(3,) rad/s, body."""
     confidence: int
     """0 (failed) to 3 (high), as the T265 reports it."""
+    acceleration: Vector | None = None
+    """(3,) m/s², odom, without gravity; None where the tracker doesn't tell."""
+    epoch: int = 0
+    """Counts relocalisations: samples of one epoch share one frame, another epoch's frame lies elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """What the autopilot's inertial sensors measured."""
+
+    stamp: float
+    specific_force: Vector
+    """(3,) m/s², body: what an accelerometer feels, +g along z at rest."""
+    angular_velocity: Vector
+    """(3,) rad/s, body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +127,8 @@ class VehicleState:
     """(3,) rad/s, body."""
     covariance: Vector
     """(9, 9): position (m²), velocity (m²/s²), rotation vector in body axes (rad²)."""
+    doubt: str = ""
+    """Why it is not to be trusted; empty where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +141,7 @@ class GateEstimate:
     yaw: float
     """rad, direction of passage."""
     covariance: Vector
-    """(4, 4): position (m²), yaw (rad²)."""
+    """(4, 4): position (m²) and yaw (rad²) relative to the vehicle's, which is what flying through it takes."""
     sightings: int
     last_seen: float
     """Stamp of the last sighting used; -inf before the first."""
@@ -131,7 +151,7 @@ class GateEstimate:
 
 @dataclass(frozen=True, slots=True)
 class GateMap:
-    """All gates in the order of passage, and the tracker's drift estimated with them."""
+    """The gates whose places are known, in the order of passage, and the tracker's drift estimated with them."""
 
     stamp: float
     version: int

@@ -159,6 +159,8 @@ def _best(planner: Planner, request: PlanRequest, waypoints: Vector | None) -> f
 
 def _request(track: Track, config: Config, limits: Limits, laps: int) -> tuple[PlanRequest, Vector | None]:
     """What to plan along ``track``, and the waypoints where it has no gates."""
+    if track.unplaced:
+        raise BadInputError(f"track '{track.name}' does not say where its gates are; only a flight can find them")
     x, y, z = track.start.position
     origin = np.array((x, y, z if z > 0.0 else z + config.mission.takeoff_height))
     rest = np.zeros(3)

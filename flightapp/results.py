@@ -1,5 +1,6 @@
 """What happens to a flight after its end: summary, report, and many flights together."""
 
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -96,3 +97,13 @@ def sweep_table(summary: dict[str, Any]) -> Table:
 def looks_like_track(file: Path) -> bool:
     """Whether a TOML file describes a track rather than a vehicle."""
     return bool({"gates", "waypoints", "start"} & read_toml(file, "file").keys())
+
+
+def write_json(path: Path | None, result: dict[str, Any]) -> None:
+    """Write ``result`` to ``path``, if there is one; raises `BadInputError` where that cannot be."""
+    if path is None:
+        return
+    try:
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise BadInputError(f"--json {path}: cannot be written: {error.strerror or error}") from None

@@ -3,6 +3,8 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack
+from pathlib import Path
+from typing import Protocol
 
 from flightapp.autopilot.link import Px4Link
 from flightapp.channel import Reader, Topic
@@ -11,8 +13,11 @@ from flightapp.inputs import BadInputError
 from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
+from flightapp.sensors.intake import PoseIntake
 from flightapp.sensors.poses import SocketPoses
-from flightapp.track import Track
+from flightapp.sensors.realsense import RealSensePoses
+from flightapp.sensors.replay import ReplayPoses
+from flightapp.track import Start, Track
 from flightapp.worker import ThreadWorker
 
 
@@ -33,17 +38,43 @@ class Blind:
         yield await nothing
 
 
-class TopicPoses:
-    """Poses from a topic, the newest each time."""
+class Tracker(PoseSource, Protocol):
+    """A source of poses that is there from its making until it is closed."""
 
-    def __init__(self, topic: Topic[PoseSample]) -> None:
+    intake: PoseIntake
+
+    def close(self) -> None:
+        """Give back what it holds."""
+        ...
+
+
+class TopicPoses:
+    """Poses of the body from a topic, through an ``intake``, the newest each time."""
+
+    def __init__(self, topic: Topic[PoseSample], intake: PoseIntake) -> None:
         self._topic = topic
+        self.intake = intake
+        """Counts what was refused."""
 
     async def poses(self) -> AsyncIterator[PoseSample]:
         """Samples as they are published; what comes while one is being worked on is skipped."""
-        reader = Reader(self._topic)
+        reader, loop = Reader(self._topic), asyncio.get_running_loop()
         while True:
-            yield await reader.newest()
+            sample = self.intake.take(await reader.newest(), loop.time())
+            if sample is not None:
+                yield sample
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def open_tracker(config: Config, start: Start) -> Tracker:
+    """The tracker that config.sensors.poses names, but for the autopilot's own; raises `BadInputError`."""
+    sensors = config.sensors
+    if sensors.poses == "replay":
+        return ReplayPoses(Path(sensors.replay), config, start)
+    intake = PoseIntake(config, start)
+    return RealSensePoses(intake) if sensors.poses == "realsense" else SocketPoses.at(sensors.pose_address, intake)
 
 
 class SelfPositionedLink(Px4Link):
@@ -54,28 +85,27 @@ class SelfPositionedLink(Px4Link):
 
 
 class Px4Rig:
-    """A vehicle with PX4 that flies through waypoints: poses from a socket or from PX4 itself, and no camera.
+    """A vehicle with PX4 that flies through waypoints: poses from a tracker or from PX4 itself, no camera.
 
     Raises `BadInputError` for a track with gates, which take a camera to find.
     """
 
     def __init__(self, config: Config, track: Track, seed: int) -> None:
-        if track.gates:
+        if track.passage:
             raise BadInputError(
                 f"track '{track.name}' has gates, which take a camera to find, and the rig 'px4' has none;"
                 " fly a track of waypoints, or this one in simulation"
             )
-        self._socket: SocketPoses | None = None
         if config.sensors.poses == "autopilot":
             link: Px4Link = SelfPositionedLink(config)
-            self.tracker: PoseSource = TopicPoses(link.odometry)
+            self._tracker: Tracker = TopicPoses(link.odometry, PoseIntake.of_body(config))
         else:
-            self._socket = SocketPoses.at(config.sensors.pose_address, config.sensors.pose_max_age)
+            self._tracker = open_tracker(config, track.start)
             with ExitStack() as failed:
-                failed.callback(self._socket.close)
+                failed.callback(self._tracker.close)
                 link = Px4Link(config)
                 failed.pop_all()
-            self.tracker = self._socket
+        self.tracker: PoseSource = self._tracker
         self.autopilot: Autopilot = link
         self.camera: FrameSource = Blind(config)
         self.worker: Worker = ThreadWorker()
@@ -91,6 +121,5 @@ class Px4Rig:
         return track
 
     async def close(self) -> None:
-        """Give back the socket of the poses."""
-        if self._socket is not None:
-            self._socket.close()
+        """Give back the tracker."""
+        self._tracker.close()

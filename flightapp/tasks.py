@@ -13,9 +13,9 @@ from flightapp.autopilot.sender import SenderReport
 from flightapp.bus import Bus
 from flightapp.channel import Reader
 from flightapp.config import Config
-from flightapp.estimation.history import PoseHistory
+from flightapp.estimation.recent import RecentStates
 from flightapp.frames import Vector
-from flightapp.interfaces import Controller, Detector, Estimator, Mapper, Planner, PlanningError, PlanRequest, Rig
+from flightapp.interfaces import Controller, Detector, Estimator, Planner, PlanningError, PlanRequest, Rig
 from flightapp.messages import Event, Frame, PlanReport, ProcessLoad, RateCommand, Sightings, VehicleState
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.regions import expected_regions
@@ -30,6 +30,8 @@ from flightapp.trajectory import Trajectory
 
 LOOK = 0.1
 """s, longest time between looks at the pace of what is flown."""
+MAP_INTERVAL = 0.2
+"""s, after which the gate map is told anew though nothing was seen: it grows less certain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,6 @@ class Modules:
     detector: Detector
     gate_pose: GatePoseSolver
     estimator: Estimator
-    mapper: Mapper
     navigator: Navigator
     planner: Planner
     controller: Controller
@@ -59,12 +60,14 @@ async def camera(rig: Rig, bus: Bus) -> None:
 
 async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track: Track) -> None:
     """Frames → sightings, the newest frame only."""
-    frames = Reader(bus.frame)
+    frames, states = Reader(bus.frame), RecentStates()
+    bus.state.tap(states.add)
     while True:
         frame = await frames.newest()
         regions = None
-        gate_map, state = bus.gate_map.latest, bus.state.latest
-        whole = frame.sequence % config.detection.full_frame_every == 0
+        gate_map, state = bus.gate_map.latest, states.at(frame.stamp)
+        missing = gate_map is None or len(gate_map.gates) < len(track.passage)
+        whole = missing or frame.sequence % config.detection.full_frame_every == 0
         if frame.image is not None and config.detection.region_of_interest and not whole and gate_map and state:
             regions = expected_regions(
                 gate_map.gates, state.position, state.orientation, rig.camera.model, track.gate, config.detection
@@ -78,34 +81,32 @@ def _see(modules: Modules, regions: Sequence[Vector] | None, frame: Frame) -> Si
 
 
 async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
-    """Poses and the drift of their frame → vehicle state."""
-    version = -1
-    async for sample in rig.tracker.poses():
-        bus.pose.publish(sample)
-        rig.autopilot.send_pose(sample)
-        gate_map = bus.gate_map.latest
-        if gate_map is not None and gate_map.version != version:
-            version = gate_map.version
-            estimator.on_drift(gate_map.drift)
-        state = estimator.on_pose(sample)
+    """Poses, and the inertial sensors where there are none → vehicle state."""
+
+    def publish(state: VehicleState | None) -> None:
         if state is not None:
             bus.state.publish(state)
 
+    rig.autopilot.imu.tap(lambda sample: publish(estimator.on_imu(sample)))
+    async for sample in rig.tracker.poses():
+        bus.pose.publish(sample)
+        rig.autopilot.send_pose(sample)
+        publish(estimator.on_pose(sample))
 
-async def mapping(rig: Rig, bus: Bus, mapper: Mapper) -> None:
-    """Sightings and the pose from which they were made → gate map."""
-    history = PoseHistory()
-    bus.pose.tap(history.add)
-    bus.gate_map.publish(mapper.snapshot(now()))
+
+async def mapping(bus: Bus, estimator: Estimator) -> None:
+    """Sightings → gate map, as soon as the state has passed them."""
+    bus.gate_map.publish(estimator.gate_map(now()))
     sightings = Reader(bus.sightings)
     while True:
         seen = await sightings.newest()
-        pose = history.at(seen.stamp)
-        if pose is None:
-            continue
-        gate_map = await rig.worker.run("mapping", partial(mapper.update, seen.gates, pose))
-        if bus.gate_map.latest is None or gate_map.version != bus.gate_map.latest.version:
-            bus.gate_map.publish(gate_map)
+        while bus.state.latest is None or bus.state.latest.stamp < seen.stamp:
+            await bus.state.next()
+        last = bus.gate_map.latest
+        if estimator.on_sightings(seen) or last is None or now() - last.stamp > MAP_INTERVAL:
+            bus.gate_map.publish(estimator.gate_map(now()))
+        for notice in estimator.take_notices():
+            bus.event.publish(Event(now(), "gate", notice))
 
 
 async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, line: Line) -> None:
@@ -240,6 +241,8 @@ async def health(rig: Rig, bus: Bus, config: Config, line: Line) -> None:
             linked = True
             bus.event.publish(Event(stamp, "fault", "link to the autopilot is back"))
         state, setpoint = bus.state.latest, bus.setpoint.latest
+        if state is not None and state.doubt and line.latest is not None:
+            bus.fault.publish(Event(stamp, "fault", f"the state is not to be trusted: {state.doubt}"))
         if line.latest is None or state is None or setpoint is None or stamp - setpoint.stamp >= 0.1:
             continue
         error = float(abs(setpoint.position - state.position).max())

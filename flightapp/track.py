@@ -75,15 +75,20 @@ class GateShape(BaseModel):
         return np.array([[(0.0, y + dy, z + dz) for dy, dz in square] for y, z in centres])
 
 
-class Gate(BaseModel):
-    """One gate."""
+class MarkedGate(BaseModel):
+    """A gate that can be told from others when it is seen."""
 
     model_config = FORBID
 
     id: int = Field(ge=0, description="the gate's name in maps and reports")
+    markers: tuple[int, ...] = Field(description="marker ids in the order of the layout")
+
+
+class Gate(MarkedGate):
+    """A gate whose place is known, at least about."""
+
     position: Point = Field(description="m, centre of the opening")
     yaw_deg: Finite = Field(description="°, direction of passage")
-    markers: tuple[int, ...] = Field(description="marker ids in the order of the layout")
 
     @property
     def yaw(self) -> float:
@@ -168,47 +173,66 @@ class Track(BaseModel):
     start: Start
     gate: GateShape = GateShape()
     gates: tuple[Gate, ...] = ()
+    unplaced: tuple[MarkedGate, ...] = ()
+    """Gates of which nobody knows where they are, in the order of passage; there are either these or `gates`."""
     waypoints: tuple[Point, ...] = ()
     finish: Point | None = None
     uncertainty: Uncertainty = Uncertainty()
     obstacles: tuple[Obstacle, ...] = ()
 
+    @property
+    def passage(self) -> tuple[MarkedGate, ...]:
+        """All gates in the order of passage, whether their places are known or not."""
+        return (*self.gates, *self.unplaced)
+
+    def without_places(self) -> "Track":
+        """What is left when only the number of the gates and their markers are known."""
+        unplaced = tuple(MarkedGate(id=gate.id, markers=gate.markers) for gate in self.passage)
+        return self.model_copy(update={"gates": (), "unplaced": unplaced, "uncertainty": Uncertainty()})
+
     @model_validator(mode="after")
     def _consistent(self) -> "Track":
-        if not self.gates and not self.waypoints:
+        if not self.passage and not self.waypoints:
             raise ValueError("the track is empty: it needs at least one [[gates]] entry, or waypoints")
+        if self.gates and self.unplaced:
+            raise ValueError("the track has [[gates]] and [[unplaced]] gates; give the places of all gates or of none")
         gate_of: dict[int, int] = {}
         ids: set[int] = set()
-        for gate in self.gates:
+        for gate in self.passage:
             if gate.id in ids:
                 raise ValueError(f"gate id {gate.id} is used twice; give each gate its own id")
             ids.add(gate.id)
-            if len(gate.markers) != self.gate.marker_count:
-                raise ValueError(
-                    f"gate {gate.id} lists {len(gate.markers)} markers, but the layout"
-                    f" '{self.gate.layout}' has {self.gate.marker_count}"
-                )
-            for marker in gate.markers:
-                if not 0 <= marker < self.gate.dictionary_size:
-                    raise ValueError(
-                        f"gate {gate.id} has marker id {marker}, but dictionary {self.gate.dictionary}"
-                        f" goes from 0 to {self.gate.dictionary_size - 1}"
-                    )
-                if marker in gate_of:
-                    raise ValueError(
-                        f"marker id {marker} is used twice, on gates {gate_of[marker]} and {gate.id};"
-                        " a marker must tell its gate"
-                    )
-                gate_of[marker] = gate.id
-            lowest = gate.position[2] - 0.5 * self.gate.opening
+            self._check_markers(gate, gate_of)
+        for placed in self.gates:
+            lowest = placed.position[2] - 0.5 * self.gate.opening
             if lowest < 0.0:
                 raise ValueError(
-                    f"gate {gate.id} is underground: its opening begins at z = {lowest:.2f} m;"
+                    f"gate {placed.id} is underground: its opening begins at z = {lowest:.2f} m;"
                     f" raise position z to at least {0.5 * self.gate.opening:.2f}"
                 )
         if self.start.position[2] < 0.0:
             raise ValueError(f"the start is underground: z = {self.start.position[2]:.2f} m")
         return self
+
+    def _check_markers(self, gate: MarkedGate, gate_of: dict[int, int]) -> None:
+        """Check the markers of ``gate``, and note whose they are."""
+        if len(gate.markers) != self.gate.marker_count:
+            raise ValueError(
+                f"gate {gate.id} lists {len(gate.markers)} markers, but the layout"
+                f" '{self.gate.layout}' has {self.gate.marker_count}"
+            )
+        for marker in gate.markers:
+            if not 0 <= marker < self.gate.dictionary_size:
+                raise ValueError(
+                    f"gate {gate.id} has marker id {marker}, but dictionary {self.gate.dictionary}"
+                    f" goes from 0 to {self.gate.dictionary_size - 1}"
+                )
+            if marker in gate_of:
+                raise ValueError(
+                    f"marker id {marker} is used twice, on gates {gate_of[marker]} and {gate.id};"
+                    " a marker must tell its gate"
+                )
+            gate_of[marker] = gate.id
 
     @model_validator(mode="after")
     def _free_of_obstacles(self) -> "Track":

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from flightapp.config import Config
-from flightapp.estimation.history import PoseHistory
-from flightapp.frames import quat_from_yaw, quat_normalize, quat_rotate, quat_rotate_inverse
+from flightapp.frames import GRAVITY, quat_from_yaw, quat_normalize, quat_rotate, quat_rotate_inverse
 from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
-from flightapp.messages import GateEstimate, GateSighting, PoseSample
+from flightapp.messages import GateEstimate, GateSighting, ImuSample, PoseSample, Sightings, VehicleState
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.answer import Answerer
 from flightapp.planning.goal import Goal
 from flightapp.planning.pacing import Pace, paced
+from flightapp.sensors.intake import PoseIntake
 from flightapp.tasks import Modules
 from flightapp.track import Cylinder, Track
 from flightapp.trajectory import Trajectory
@@ -30,17 +30,8 @@ def warm_up(config: Config, track: Track, spare: Modules) -> None:
     rest, level = np.zeros(3), quat_normalize(quat_from_yaw(0.0))
     # What the link turns poses and odometry with.
     quat_rotate_inverse(level, quat_rotate(level, rest))
-    history = PoseHistory()
-    state = None
-    for stamp in (0.0, 0.005, 0.010):
-        pose = PoseSample(stamp, rest, level, rest, rest, 3)
-        history.add(pose)
-        state = spare.estimator.on_pose(pose) or state
-    between, beyond = history.at(0.007), history.at(0.012)
-    gate_id = track.gates[0].id if track.gates else 0
-    sighting = GateSighting(0.007, gate_id, AHEAD, level, 0.01 * np.eye(6), (AHEAD, level), 1, 0.1)
-    if track.gates and between is not None:
-        spare.estimator.on_drift(spare.mapper.update((sighting,), between).drift)
+    PoseIntake.of_body(config)
+    state, gate_id = _estimate(config, track, spare)
     gate = GateEstimate(gate_id, AHEAD, 0.0, 0.01 * np.eye(4), 9, 0.0)
     start = Motion(rest, rest, rest, rest, 0.0, 0.0)
     limits = Limits(config.race.v_max, config.race.a_max, config.vehicle.yaw_rate_max)
@@ -51,11 +42,30 @@ def warm_up(config: Config, track: Track, spare: Modules) -> None:
     with contextlib.suppress(PlanningError):
         spare.planner.plan(replace(request, shape=track.gate, obstacles=(POST,)))
     _decide(config, spare, replace(request, shape=track.gate), trajectory)
-    if state is not None and beyond is not None:
-        spare.controller.command(0.015, state, trajectory)
+    if state is not None:
+        spare.controller.command(state.stamp, state, trajectory)
         expected_regions(
             (gate,), state.position, state.orientation, config.camera.model(), track.gate, config.detection
         )
+
+
+def _estimate(config: Config, track: Track, spare: Modules) -> tuple[VehicleState | None, int]:
+    """See a gate often enough at another place to have it placed anew, with and without inertial sensors and poses.
+
+    The last state, and the id of the gate.
+    """
+    rest, level, upward = np.zeros(3), quat_from_yaw(0.0), np.array((0.0, 0.0, GRAVITY))
+    gate_id = track.passage[0].id if track.passage else 0
+    sighting = GateSighting(0.0, gate_id, AHEAD, level, 1e-4 * np.eye(6), (AHEAD, level), 1, 0.1)
+    state = None
+    for count in range(config.mapping.moved_after + 2):
+        stamp = 0.02 * count
+        state = spare.estimator.on_pose(PoseSample(stamp, rest, level, rest, rest, 3, epoch=count // 9)) or state
+        spare.estimator.on_sightings(Sightings(stamp - 0.005, count, (), (sighting,)))
+        for later in (0.005, 0.016):
+            spare.estimator.on_imu(ImuSample(stamp + later, upward, rest))
+    spare.estimator.gate_map(stamp)
+    return state, gate_id
 
 
 def _decide(config: Config, spare: Modules, request: PlanRequest, trajectory: Trajectory) -> None:

@@ -8,7 +8,7 @@ from flightapp.autopilot.thrust import ThrustMap
 from flightapp.channel import Topic
 from flightapp.config import Config
 from flightapp.interfaces import AutopilotError
-from flightapp.messages import AutopilotStatus, Event, FlightMode, PoseSample, RateCommand
+from flightapp.messages import AutopilotStatus, Event, FlightMode, ImuSample, PoseSample, RateCommand
 from sim.plant import Plant
 from sim.px4.model import Px4
 from sim.px4.modes import NavState, Reply
@@ -48,6 +48,7 @@ class SimAutopilot:
         self.px4 = Px4(config, plant, seed, time)
         self.status: Topic[AutopilotStatus] = Topic("autopilot")
         self.notices: Topic[Event] = Topic("notice")
+        self.imu: Topic[ImuSample] = Topic("imu")
         self._time = time
         self._thrust = ThrustMap(config.vehicle.hover_thrust, config.vehicle.thrust_curve)
         self._next_status = plant.time

@@ -22,6 +22,7 @@ from flightapp.inputs import BadInputError
 from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Collision, CommandArrivals, Frame, GatePassage, GroundTruth
 from flightapp.perception.camera import CameraModel
+from flightapp.sensors.intake import PoseIntake
 from flightapp.sensors.poses import SocketPoses
 from flightapp.track import Track
 from flightapp.worker import ThreadWorker
@@ -251,7 +252,7 @@ class MavlinkRig:
             self.autopilot: Autopilot = Px4Link(config)
             failed.pop_all()
         self._truth = RemoteTruth(self.world)
-        self._poses = SocketPoses(self.world.poses, config.sensors.pose_max_age)
+        self._poses = SocketPoses(self.world.poses, PoseIntake.of_body(config))
         self.camera: FrameSource = RemoteCamera(config, self.world)
         self.tracker: PoseSource = self._poses
         self.worker: Worker = ThreadWorker()

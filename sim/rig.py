@@ -88,6 +88,7 @@ class SimTracker:
             self._world.advance()
             truth = self._world.state_at(stamp)
             self._world.truth.motion.publish(truth)
+            self._world.feel(stamp)
             measured = self._tracker.sample(truth)
             if measured is not None:
                 yield measured[0]

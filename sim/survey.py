@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from flightapp.inputs import BadInputError
 from flightapp.messages import GateEstimate
 from flightapp.track import Gate, Track, Uncertainty
 
@@ -33,7 +34,9 @@ def survey(track: Track, rng: np.random.Generator, exact: bool) -> Track:
 
 
 def true_gates(track: Track) -> tuple[GateEstimate, ...]:
-    """Where the gates of ``track`` really are."""
+    """Where the gates of ``track`` really are; raises `BadInputError` where the track doesn't say."""
+    if track.unplaced:
+        raise BadInputError(f"track '{track.name}' does not say where its gates are, but a simulated world must know")
     return tuple(
         GateEstimate(gate.id, np.array(gate.position), gate.yaw, np.zeros((4, 4)), 0, -math.inf) for gate in track.gates
     )

@@ -11,6 +11,7 @@ from flightapp.interfaces import GroundTruthFeed
 from flightapp.messages import Collision, GatePassage, GroundTruth
 from flightapp.track import Track
 from sim.autopilot import SimAutopilot
+from sim.imu import Imu
 from sim.plant import Plant
 from sim.referee import Referee
 from sim.survey import true_gates
@@ -22,7 +23,7 @@ class World:
 
     def __init__(self, config: Config, track: Track, seed: np.random.SeedSequence, time: Callable[[], float]) -> None:
         vehicle = load_vehicle(config.sim.vehicle)
-        plant_seed, autopilot_seed = (int(child.generate_state(1)[0]) for child in seed.spawn(2))
+        plant_seed, autopilot_seed, imu_seed = (int(child.generate_state(1)[0]) for child in seed.spawn(3))
         self.plant = Plant(
             vehicle,
             plant_seed,
@@ -35,6 +36,7 @@ class World:
         )
         self.autopilot = SimAutopilot(config, self.plant, autopilot_seed, time)
         self.px4 = self.autopilot.px4
+        self._imu = Imu(imu_seed)
         self.referee = Referee(track, vehicle.radius, config.mission.laps)
         self.truth = GroundTruthFeed(
             Topic("truth"), Topic("passage"), Topic("collision"), Topic("true_gates"), Topic("arrivals")
@@ -64,6 +66,11 @@ class World:
         """True position (3,) and orientation (4,) at a recent ``stamp``."""
         row = self.plant.state_at(stamp)
         return row[1:4], row[4:8]
+
+    def feel(self, stamp: float) -> None:
+        """Have the autopilot pass on what its inertial sensors measure at a recent ``stamp``."""
+        row = self.plant.state_at(stamp)
+        self.autopilot.imu.publish(self._imu.sample(stamp, row[14:17], row[11:14]))
 
     def _announce(self, verdict: GatePassage | Collision) -> None:
         if isinstance(verdict, GatePassage):

@@ -38,6 +38,7 @@ class FakeAutopilot:
 
     def __init__(self, refuse=""):
         self.status = Topic("status")
+        self.imu = Topic("imu")
         self.calls = []
         self.sent = []
         self.poses = []

@@ -13,7 +13,9 @@ from flightapp.config import load_config
 from flightapp.inputs import BadInputError
 from flightapp.messages import PoseSample
 from flightapp.rigs import Px4Rig, SelfPositionedLink, TopicPoses
+from flightapp.sensors.intake import PoseFault, PoseIntake
 from flightapp.sensors.poses import SocketPoses
+from flightapp.sensors.replay import ReplayPoses
 from flightapp.track import Gate, Start, Track
 from sim.remote import MavlinkRig
 from sim.rig import SimRig
@@ -60,6 +62,26 @@ async def test_poses_from_a_socket_and_no_frames(tmp_path):
     assert not path.exists()
 
 
+async def test_poses_from_a_file(tmp_path):
+    path = tmp_path / "poses.tum"
+    path.write_text("1.0 0 0 0 0 0 0 1\n1.1 0.1 0 0 0 0 0 1\n", encoding="utf-8")
+    rig = Px4Rig(settings("sensors.poses=replay", f"sensors.replay={path}"), OPEN, 0)
+    assert isinstance(rig.tracker, ReplayPoses)
+    assert [round(sample.position[0], 3) async for sample in rig.tracker.poses()] == [0.0, 0.1]
+    await rig.autopilot.close()
+    await rig.close()
+
+
+def test_a_replay_needs_its_file():
+    with pytest.raises(BadInputError, match=r"sensors\.replay"):
+        load_config(None, None, ["sensors.poses=replay"])
+
+
+async def test_a_t265_needs_its_library():
+    with pytest.raises(BadInputError, match="t265_bridge"):
+        Px4Rig(settings("sensors.poses=realsense"), OPEN, 0)
+
+
 async def test_a_link_that_cannot_be_opened_leaves_no_socket_behind(tmp_path):
     path = tmp_path / "poses"
     config = load_config(None, None, ["link.connection=udpin://nowhere", f"sensors.pose_address={path}"])
@@ -82,23 +104,28 @@ async def test_the_autopilots_own_position_is_never_fed_back_to_it(monkeypatch):
     monkeypatch.setattr(rigs, "SelfPositionedLink", Link)
     rig = Px4Rig(settings("sensors.poses=autopilot"), OPEN, 0)
     assert rig.autopilot is made[0]
-    asyncio.get_running_loop().call_soon(made[0].odometry.publish, pose(1.0))
+    loop = asyncio.get_running_loop()
+    stamp = loop.time()
+    loop.call_soon(made[0].odometry.publish, pose(stamp - 10.0))
+    loop.call_later(0.01, made[0].odometry.publish, pose(stamp))
     got = await anext(rig.tracker.poses())
-    assert got.stamp == 1.0
+    assert got.stamp == stamp
+    assert rig.tracker.intake.refused[PoseFault.STALE] == 1
     rig.autopilot.send_pose(got)
     await rig.close()
 
 
 async def test_topic_poses_skip_to_the_newest():
     topic = Topic("pose")
-    poses = TopicPoses(topic).poses()
+    poses = TopicPoses(topic, PoseIntake.of_body(load_config())).poses()
     first = asyncio.ensure_future(anext(poses))
     await asyncio.sleep(0)
-    for stamp in (1.0, 2.0, 3.0):
+    now = asyncio.get_running_loop().time()
+    for stamp in (now - 0.03, now - 0.02, now - 0.01):
         topic.publish(pose(stamp))
-    assert (await first).stamp == 3.0
-    topic.publish(pose(4.0))
-    assert (await anext(poses)).stamp == 4.0
+    assert (await first).stamp == now - 0.01
+    topic.publish(pose(now))
+    assert (await anext(poses)).stamp == now
 
 
 def test_faults_of_the_link_need_a_link():

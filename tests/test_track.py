@@ -1,11 +1,12 @@
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flightapp.inputs import BadInputError
-from flightapp.track import Cylinder, GateShape, MarkerLayout, Track, load_track
+from flightapp.track import Cylinder, GateShape, MarkedGate, MarkerLayout, Track, load_track
 
 SHIPPED = sorted((Path(__file__).parent.parent / "missions" / "tracks").glob("*.toml"))
 
@@ -112,6 +113,43 @@ def test_bad_track_is_told_with_file_field_and_mend(tmp_path: Path, old: str, ne
         load(tmp_path, GOOD.replace(old, new, 1))
     assert str(caught.value).startswith(f"{tmp_path / 'track.toml'}: ")
     assert expected in str(caught.value)
+
+
+UNPLACED = GOOD.replace("[[gates]]", "[[unplaced]]")
+for told in ("position = [2.0, 0.0, 1.5]\n", "position = [4.0, 0.0, 1.5]\n", "yaw_deg = 0.0\n", "yaw_deg = 90.0\n"):
+    UNPLACED = UNPLACED.replace(told, "")
+
+
+def test_gates_whose_places_nobody_knows(tmp_path: Path) -> None:
+    track = load(tmp_path, UNPLACED)
+    assert track.gates == ()
+    assert [(gate.id, gate.markers) for gate in track.passage] == [(1, (0,)), (2, (7,))]
+
+
+def test_nothing_of_where_gates_are_is_left_when_their_places_are_taken_away(tmp_path: Path) -> None:
+    track = load(tmp_path, GOOD + "\n[uncertainty]\nhorizontal = 2.0\n")
+    told = track.without_places()
+    assert told == load(tmp_path, UNPLACED)
+    assert told.passage == tuple(MarkedGate(id=gate.id, markers=gate.markers) for gate in track.gates)
+    assert all(type(gate) is MarkedGate for gate in told.passage)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("id = 2", "id = 1", "gate id 1 is used twice"),
+        ("markers = [7]", "markers = [0]", "marker id 0 is used twice, on gates 1 and 2"),
+        ("markers = [7]", "markers = [7]\nyaw_deg = 3.0", "unknown key 'unplaced.1.yaw_deg'"),
+        (
+            "[[obstacles]]",
+            GOOD[GOOD.index("[[gates]]") :].split("\n\n", maxsplit=1)[0] + "\n\n[[obstacles]]",
+            "of all gates or of none",
+        ),
+    ],
+)
+def test_bad_unplaced_gates_are_told(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    with pytest.raises(BadInputError, match=re.escape(expected)):
+        load(tmp_path, UNPLACED.replace(old, new, 1))
 
 
 def test_empty_track(tmp_path: Path) -> None:

@@ -77,6 +77,7 @@ def streams(rates: Mapping[str, float], config: Config) -> tuple[Line, ...]:
         "EXTENDED_SYS_STATE": 1.0,
         "BATTERY_STATUS": 0.5,
         "ODOMETRY": config.link.odometry_rate,
+        "HIGHRES_IMU": config.link.imu_rate,
     }
     return tuple(_stream(name, rates.get(name, 0.0), rate) for name, rate in wanted.items())
 

@@ -30,7 +30,7 @@ from flightapp.autopilot.vision import VisionEncoder
 from flightapp.channel import Reader, Topic
 from flightapp.config import Config
 from flightapp.interfaces import AutopilotError
-from flightapp.messages import AutopilotStatus, Event, FlightMode, PoseSample, RateCommand
+from flightapp.messages import AutopilotStatus, Event, FlightMode, ImuSample, PoseSample, RateCommand
 
 IGNORE_ATTITUDE = 128
 """ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE: body rates and thrust count."""
@@ -43,7 +43,7 @@ MODE_WAIT, ARMED_WAIT = 2.0, 2.5
 """s from the acceptance of a mode, or of arming, to its being told, which heartbeats do once a second."""
 INFO = 6  # MAV_SEVERITY
 LOCAL_POSITION_NED, BATTERY_STATUS, AUTOPILOT_VERSION, EXTENDED_SYS_STATE = 32, 147, 148, 245
-ODOMETRY, CURRENT_MODE = 331, 436
+ODOMETRY, CURRENT_MODE, HIGHRES_IMU = 331, 436, 105
 """MAVLink message ids."""
 
 
@@ -61,12 +61,13 @@ class Px4Link:
         self._mavsdk = open_library(config.link.connection, config.link.system_id)
         self.status: Topic[AutopilotStatus] = Topic("autopilot")
         self.odometry: Topic[PoseSample] = Topic("autopilot_pose")
+        self.imu: Topic[ImuSample] = Topic("imu")
         self.notices: Topic[Event] = Topic("autopilot_notice")
         self._flying = False
         self.send_failures = 0
         """Messages that could not be handed to the operating system."""
         self._frame = LocalFrame(config.external_vision.jump)
-        self._receiver = Receiver(config.link.system_id, self.status, self.odometry, self._frame)
+        self._receiver = Receiver(config.link.system_id, self.status, self.odometry, self.imu, self._frame)
         self._receiver.texts.tap(self._on_text)
         self._receiver.reboots.tap(self._on_reboot)
         if config.external_vision.timesync:
@@ -131,6 +132,7 @@ class Px4Link:
             LOCAL_POSITION_NED: 10.0,
             BATTERY_STATUS: 2.0,
             ODOMETRY: self._link.odometry_rate,
+            HIGHRES_IMU: self._link.imu_rate,
         }
         for message, rate in wanted.items():
             try:

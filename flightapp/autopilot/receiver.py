@@ -11,9 +11,9 @@ from flightapp.autopilot.clock import ClockOffset
 from flightapp.autopilot.commands import AUTOPILOT, StatusText
 from flightapp.autopilot.local_frame import LocalFrame
 from flightapp.autopilot.mailbox import Mailbox
-from flightapp.autopilot.telemetry import Fields, Identity, StatusBoard, identity, number, odometry
+from flightapp.autopilot.telemetry import Fields, Identity, StatusBoard, identity, inertial, number, odometry
 from flightapp.channel import Topic
-from flightapp.messages import AutopilotStatus, PoseSample
+from flightapp.messages import AutopilotStatus, ImuSample, PoseSample
 
 TEXT_LENGTH = 50
 """Characters in one STATUSTEXT."""
@@ -36,12 +36,18 @@ class Receiver:
     """
 
     def __init__(
-        self, system_id: int, status: Topic[AutopilotStatus], poses: Topic[PoseSample], frame: LocalFrame
+        self,
+        system_id: int,
+        status: Topic[AutopilotStatus],
+        poses: Topic[PoseSample],
+        imu: Topic[ImuSample],
+        frame: LocalFrame,
     ) -> None:
         self._system_id = system_id
         self._loop = asyncio.get_running_loop()
         self.status = status
         self.odometry = poses
+        self.imu = imu
         self.texts: Topic[StatusText] = Topic("autopilot_texts")
         self.time_requests: Topic[TimeRequest] = Topic("time_requests")
         self.reboots: Topic[float] = Topic("reboots")
@@ -64,6 +70,7 @@ class Receiver:
             "LOCAL_POSITION_NED": (lambda stamp, _: self._publish(self._board.local_position(stamp)), 1),
             "BATTERY_STATUS": (lambda _, fields: self._publish(self._board.battery(fields)), 1),
             "ODOMETRY": (self._on_odometry, 1),
+            "HIGHRES_IMU": (self._on_imu, 4),
             "TIMESYNC": (self._on_timesync, 8),
             "STATUSTEXT": (self._on_text, 32),
             "AUTOPILOT_VERSION": (self._on_version, 1),
@@ -100,13 +107,24 @@ class Receiver:
             self.status.publish(status)
 
     def _on_odometry(self, stamp: float, fields: Fields) -> None:
-        ours = self.clock.to_ours(1e-6 * number(fields["time_usec"]))
-        # An offset that doesn't fit yet must not make stamps from the future.
-        sample = odometry(stamp if ours is None or not 0.0 <= stamp - ours < 0.5 else ours, fields)
+        sample = odometry(self._measured(stamp, fields), fields)
         if sample is None:
             self.refused += 1
         else:
             self.odometry.publish(replace(sample, position=sample.position + self._frame.origin))
+
+    def _on_imu(self, stamp: float, fields: Fields) -> None:
+        sample = inertial(self._measured(stamp, fields), fields)
+        if sample is None:
+            self.refused += 1
+        else:
+            self.imu.publish(sample)
+
+    def _measured(self, stamp: float, fields: Fields) -> float:
+        """When that was measured, by our clock, which arrived at ``stamp``."""
+        ours = self.clock.to_ours(1e-6 * number(fields["time_usec"]))
+        # An offset that doesn't fit yet must not make stamps from the future.
+        return stamp if ours is None or not 0.0 <= stamp - ours < 0.5 else ours
 
     def _on_timesync(self, stamp: float, fields: Fields) -> None:
         answered, asked = int(fields["tc1"]), int(fields["ts1"])

@@ -10,7 +10,7 @@ import numpy as np
 from flightapp.autopilot.modes import flight_mode
 from flightapp.autopilot.vision import LOCAL_FRD, NED
 from flightapp.frames import Vector, flip_yz, quat_normalize, quat_rotate
-from flightapp.messages import AutopilotStatus, FlightMode, PoseSample
+from flightapp.messages import AutopilotStatus, FlightMode, ImuSample, PoseSample
 
 Fields = Mapping[str, Any]
 
@@ -105,7 +105,7 @@ def odometry(stamp: float, fields: Fields) -> PoseSample | None:
     """PX4's own estimate from ODOMETRY, in its local frame turned to x ahead (its north), y left, z up.
 
     ``stamp`` is the time of the estimate by our clock. PX4 gives the velocity in the frame that child_frame_id names:
-    NED or body. None where anything is not finite, or the frames are others.
+    NED or body. Its resets are epochs. None where anything is not finite, or the frames are others.
     """
     position, velocity = _vector(fields, "x", "y", "z"), _vector(fields, "vx", "vy", "vz")
     rates = _vector(fields, "rollspeed", "pitchspeed", "yawspeed")
@@ -118,7 +118,17 @@ def odometry(stamp: float, fields: Fields) -> PoseSample | None:
     if fields["child_frame_id"] not in (NED, LOCAL_FRD):
         velocity = quat_rotate(orientation, velocity)
     confidence = GOOD if fields.get("quality", 0) >= 0 else POOR
-    return PoseSample(stamp, position, orientation, velocity, rates, confidence)
+    resets = int(fields.get("reset_counter") or 0)
+    return PoseSample(stamp, position, orientation, velocity, rates, confidence, None, resets)
+
+
+def inertial(stamp: float, fields: Fields) -> ImuSample | None:
+    """Accelerometer and gyroscope from HIGHRES_IMU, measured at ``stamp``; None where anything is not finite."""
+    force = _vector(fields, "xacc", "yacc", "zacc")
+    rates = _vector(fields, "xgyro", "ygyro", "zgyro")
+    if not np.isfinite(np.concatenate((force, rates))).all():
+        return None
+    return ImuSample(stamp, force, rates)
 
 
 def _vector(fields: Fields, *names: str) -> Vector:

@@ -1,105 +1,152 @@
 """Flying through the gates of the map, in order, as they become known."""
 
 import asyncio
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from flightapp.behaviors.base import Behavior, Context, Result
 from flightapp.behaviors.motion import ARRIVED, new_serial
+from flightapp.behaviors.search import Search, fly_to, located, room
 from flightapp.channel import Reader
 from flightapp.frames import Vector
 from flightapp.messages import Event, GateEstimate, Outcome, VehicleState
 from flightapp.planning.course import is_known
 from flightapp.planning.goal import Goal
 from flightapp.planning.passage import crossing
-from flightapp.planning.scan import heading, yaw_scan
+from flightapp.planning.search import way_round
 
 MISS = 2.0
 """Openings from a gate's centre within which a crossing of its plane counts as a miss, not as passing by."""
-
-
 WATCH_INTERVAL = 0.02
 """s between looks at the progress; a crossing between two looks is still seen where it was."""
+SETTLED = 0.5
+"""s at rest, after which a gate that is not known is searched for."""
+STUCK = 3.0
+"""s at rest before a known gate, after which it is flown at from its front."""
+RUN_UP = 3.0
+"""m before a gate from where it is flown at again."""
 
 
 class Race(Behavior):
-    """Pass every gate in order for a number of laps, then come to rest at the finish."""
+    """Pass every gate in order for a number of laps, then come to rest at the finish.
+
+    A gate that isn't known is searched for. One that was missed is flown at again, ``race.attempts`` times in all.
+    """
 
     name = "race"
 
     def __init__(self, context: Context, laps: int, finish: Vector) -> None:
         super().__init__(context, context.config.race.timeout)
-        ids = tuple(gate.id for gate in context.track.gates) * laps
+        ids = tuple(gate.id for gate in context.track.passage) * laps
         self._goal = Goal(finish, context.limits, ids, serial=new_serial())
-        self._searching_since: float | None = None
-        self._scan_half_width = math.radians(context.config.race.search_yaw_deg)
+        self._ahead: float | None = None
+        self._attempts = 1
+        self._searched = 0.0
+        self._resting_since: float | None = None
 
     async def run(self) -> Result:
         """Publish the goal; watch gates go by; look around where the next one has not been seen."""
-        bus, line = self.context.bus, self.context.line
+        bus = self.context.bus
         bus.goal.publish(self._goal)
         reader = Reader(bus.state)
         before = await reader.newest()
         while True:
             await asyncio.sleep(WATCH_INTERVAL)
             state = await reader.newest()
-            gate = self._next_gate()
-            if gate is not None:
-                if failure := self._watch_gate(gate, before, state):
-                    return failure
-                if failure := self._search(gate, state):
-                    return failure
-            elif line.latest is not None and state.stamp > line.latest.end_stamp:
-                miss = float(np.linalg.norm(state.position - self._goal.end))
-                if miss < ARRIVED:
-                    return Result(Outcome.GOAL_ACHIEVED, f"{self._goal.passed} gates passed, at the finish")
-                if state.stamp > line.latest.end_stamp + 5.0:
-                    return Result(Outcome.WRONG_PROGRESS, f"stopped {miss:.2f} m from the finish")
+            if self._goal.passed < len(self._goal.gate_ids):
+                turned = await self._progress(self._goal.gate_ids[self._goal.passed], before, state)
+                if isinstance(turned, Result):
+                    return turned
+                if turned:
+                    state = await reader.newest()
+            elif arrival := self._arrival(state):
+                return arrival
             before = state
 
-    def _next_gate(self) -> GateEstimate | None:
-        gate_map = self.context.bus.gate_map.latest
-        if gate_map is None or self._goal.passed >= len(self._goal.gate_ids):
+    def _arrival(self, state: VehicleState) -> Result | None:
+        latest = self.context.line.latest
+        if latest is None or state.stamp <= latest.end_stamp:
             return None
-        wanted = self._goal.gate_ids[self._goal.passed]
-        return next(gate for gate in gate_map.gates if gate.gate_id == wanted)
+        miss = float(np.linalg.norm(state.position - self._goal.end))
+        if miss < ARRIVED:
+            return Result(Outcome.GOAL_ACHIEVED, f"{self._goal.passed} gates passed, at the finish")
+        if state.stamp > latest.end_stamp + 5.0:
+            return Result(Outcome.WRONG_PROGRESS, f"stopped {miss:.2f} m from the finish")
+        return None
 
-    def _watch_gate(self, gate: GateEstimate, before: VehicleState, state: VehicleState) -> Result | None:
+    async def _progress(self, gate_id: int, before: VehicleState, state: VehicleState) -> Result | bool:
+        """See to the next gate: how the race ends, or whether something else than flying on was done meanwhile."""
+        gate = located(self.context, gate_id)
+        known = gate is not None and is_known(gate, self.context.config.mapping.known_sigma)
+        if gate is not None:
+            offset = self._crossed(gate, before, state)
+            if offset is not None and known:
+                return await self._again(gate, f"gate {gate_id} missed by {offset:.2f} m")
+        resting = self._resting()
+        if gate is not None and known:
+            return resting > STUCK and await self._again(gate, f"no way led to gate {gate_id}")
+        return resting > SETTLED and await self._search(gate_id, state)
+
+    def _resting(self) -> float:
+        """For how long (s) the line has been over."""
+        now = self.context.now()
+        if not self.context.line.at_rest(now):
+            self._resting_since = None
+            return 0.0
+        self._resting_since = now if self._resting_since is None else self._resting_since
+        return now - self._resting_since
+
+    def _crossed(self, gate: GateEstimate, before: VehicleState, state: VehicleState) -> float | None:
+        """Count ``gate`` when it was passed; how far (m) from its centre when its plane was crossed beside it."""
         crossed = crossing(before.position, state.position, gate)
         if crossed is None:
             return None
         opening = self.context.track.gate.opening
-        if crossed.offset <= 0.5 * opening:
-            self._goal = replace(self._goal, passed=self._goal.passed + 1)
-            self.context.bus.goal.publish(self._goal)
-            text = f"gate {gate.gate_id} passed, {crossed.offset:.2f} m from its centre by the estimate"
-            self.context.bus.event.publish(Event(state.stamp, "gate", text))
-        elif crossed.offset <= MISS * opening and is_known(gate, self.context.config.mapping.known_sigma):
-            reason = f"gate {gate.gate_id} missed by {crossed.offset:.2f} m"
-            return Result(Outcome.WRONG_PROGRESS, reason)
+        if crossed.offset > 0.5 * opening:
+            return crossed.offset if crossed.offset <= MISS * opening else None
+        self._goal = replace(self._goal, passed=self._goal.passed + 1)
+        self._ahead, self._attempts, self._searched = gate.yaw, 1, 0.0
+        self.context.bus.goal.publish(self._goal)
+        text = f"gate {gate.gate_id} passed, {crossed.offset:.2f} m from its centre by the estimate"
+        self.context.bus.event.publish(Event(state.stamp, "gate", text))
         return None
 
-    def _search(self, gate: GateEstimate, state: VehicleState) -> Result | None:
-        """Scan for ``gate`` once the line has ended without its having been seen."""
-        config, line = self.context.config, self.context.line
-        if is_known(gate, config.mapping.known_sigma):
-            self._searching_since = None
-            return None
-        now = self.context.now()
-        if not line.at_rest(now):
-            return None
-        if self._searching_since is None:
-            self._searching_since = state.stamp
-        if state.stamp > self._searching_since + config.race.search_timeout:
-            text = f"gate {gate.gate_id} was not found within {config.race.search_timeout:g} s"
-            return Result(Outcome.WRONG_PROGRESS, text)
-        at = line.motion(now)
-        turn = math.remainder(heading(at.position, gate.position) - at.yaw, 2.0 * math.pi)
-        rate = config.vehicle.yaw_rate_max / 3.0
-        scan = yaw_scan(now, at.position, at.yaw, at.yaw + turn, self._scan_half_width, rate)
-        line.accept(scan)
-        self.context.bus.trajectory.publish(scan)
-        self._scan_half_width = min(1.5 * self._scan_half_width, math.pi)
-        return None
+    async def _again(self, gate: GateEstimate, why: str) -> Result | bool:
+        """Fly round to the front of ``gate``, to fly at it once more; how the race ends after the last attempt."""
+        context = self.context
+        if self._attempts >= context.config.race.attempts:
+            return Result(Outcome.WRONG_PROGRESS, why)
+        self._attempts += 1
+        self._tell(f"{why}; flown at again from its front")
+        state = context.bus.state.latest
+        position = gate.position if state is None else state.position
+        way = way_round(position, gate, context.track.gate, RUN_UP, room(context))
+        await fly_to(context, way, context.limits, lambda: False)
+        self._resume()
+        return True
+
+    async def _search(self, gate_id: int, state: VehicleState) -> Result | bool:
+        """Search for the next gate; how the race ends where it isn't found in time."""
+        begun, allowed = self.context.now(), self.context.config.race.search_timeout
+        left = allowed - self._searched
+        ahead = self.context.line.motion(begun).yaw if self._ahead is None else self._ahead
+        if left <= 0.0:
+            return Result(Outcome.WRONG_PROGRESS, f"gate {gate_id} was not found within {allowed:g} s")
+        self._tell(f"gate {gate_id} is searched for")
+        result = await Search(self.context, gate_id, ahead, left).run()
+        self._searched += self.context.now() - begun
+        if not result.achieved:
+            return result
+        self._tell(result.reason)
+        self._resume()
+        return True
+
+    def _resume(self) -> None:
+        """Go on with the race from wherever the vehicle is now."""
+        self._goal = replace(self._goal, serial=new_serial())
+        self.context.bus.goal.publish(self._goal)
+        self._resting_since = None
+
+    def _tell(self, text: str) -> None:
+        self.context.bus.event.publish(Event(self.context.now(), "gate", text))

@@ -48,6 +48,10 @@ class Poses(Motions):
 
     confidence: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
     """(n,)."""
+    acceleration: Vector = field(default_factory=lambda: _empty(3))
+    """(n, 3) m/s², without gravity; NaN where the tracker did not tell."""
+    epoch: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    """(n,), another number for another place of the tracker's frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,8 @@ class States(Motions):
 
     variance: Vector = field(default_factory=lambda: _empty(9))
     """(n, 9): position (m²), velocity (m²/s²), rotation vector in body axes (rad²)."""
+    doubtful: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    """(n,), 1 where the estimator said that it is not to be trusted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +82,18 @@ class Setpoints:
     """(n,) rad."""
     yaw_rate: Vector = field(default_factory=_empty)
     """(n,) rad/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """What the autopilot's inertial sensors measured, n rows; body."""
+
+    stamp: Vector = field(default_factory=_empty)
+    """(n,) s."""
+    specific_force: Vector = field(default_factory=lambda: _empty(3))
+    """(n, 3) m/s²."""
+    angular_velocity: Vector = field(default_factory=lambda: _empty(3))
+    """(n, 3) rad/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +133,7 @@ class Flight:
     collisions: tuple[Collision, ...] = ()
     arrivals: tuple[CommandArrivals, ...] = ()
     loads: tuple[ProcessLoad, ...] = ()
+    imu: Inertial = field(default_factory=Inertial)
 
     @property
     def has_truth(self) -> bool:

@@ -124,7 +124,7 @@ def _errors(flight: Flight, window: Window) -> dict[str, Any]:
 def _gates(flight: Flight, window: Window, settings: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One row for each gate of each lap; the k-th passage of a gate belongs to its k-th lap."""
     track = flight_track(flight)
-    gate_ids = [gate.id for gate in track.gates] if track else sorted({p.gate_id for p in flight.passages})
+    gate_ids = [gate.id for gate in track.passage] if track else sorted({p.gate_id for p in flight.passages})
     passages = {gate_id: _passages(flight, gate_id, window, track) for gate_id in gate_ids}
     laps = settings.get("mission", {}).get("laps", 1)
     rows = []

@@ -1,9 +1,10 @@
-"""Sub-pixel corners of a marker by fitting lines to its edges.
+"""Sub-pixel corners of a marker by fitting curves to its edges.
 
 Each side is crossed by scan lines; on each the edge lies at the centroid of the brightness's rise from the
 black square to the white paper around it, which under motion blur is the edge at the middle of the exposure.
-A line is fitted to these points by total least squares, and corners are where neighbouring lines meet. All
-pixels of the sides contribute, so this is more accurate than looking at the corners alone.
+Through these points goes a parabola by least squares, whose bend, which lenses make and which grows with the square
+of a side's length, is expected to be small. Corners are where the tangents of neighbouring sides meet. All pixels of
+the sides contribute, so this is more accurate than looking at the corners alone.
 """
 
 import math
@@ -12,37 +13,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import assign, kernel
+from flightapp.jit import inlined, kernel
 
 Image = NDArray[np.uint8]
 
-PASSES = 2
 LONGEST_SCAN = 5.0
 """px to either side of the edge, which finds all of an edge that is blurred over 8 px."""
-MOST_SCANS = 20
+SCANS = (6, 16)
+"""Along a side, at first to come near and then to fit."""
 LEAST_RISE = 12.0
 """Grey levels over a scan, below which it says nothing of the edge."""
 LEAST_SCANS = 4
 CORNER_SHARE = 0.1
 """Fraction of a side next to each corner that isn't scanned: blur rounds it off."""
+BEND = 3e-4
+"""px of a side's sagitta over its squared length, standard deviation: a camera with strong distortion."""
+SCAN_NOISE = 0.2
+"""px, standard deviation of the edge on a scan."""
 
 
-@kernel
+@inlined
+def within(image: Image, x: float, y: float) -> bool:
+    """Whether a point lies between pixel centres."""
+    return bool(0.0 <= x < image.shape[1] - 1.0 and 0.0 <= y < image.shape[0] - 1.0)
+
+
+@inlined
 def sample(image: Image, x: float, y: float) -> float:
-    """Brightness at a point between pixel centres; NaN outside the image."""
-    i, j = math.floor(y), math.floor(x)
-    if i < 0 or j < 0 or i + 1 >= image.shape[0] or j + 1 >= image.shape[1]:
-        return math.nan
-    fy, fx = y - i, x - j
-    top = (1.0 - fx) * image[i, j] + fx * image[i, j + 1]
-    bottom = (1.0 - fx) * image[i + 1, j] + fx * image[i + 1, j + 1]
-    value: float = (1.0 - fy) * top + fy * bottom
+    """Brightness at a point `within` the image; memory beyond it is read at any other."""
+    i, j = np.uint64(y), np.uint64(x)
+    fy, fx = y - np.int64(i), x - np.int64(j)
+    # Unsigned, so that no index is taken as counted from the end.
+    down, right = i + np.uint64(1), j + np.uint64(1)
+    top = image[i, j] + fx * (float(image[i, right]) - float(image[i, j]))
+    bottom = image[down, j] + fx * (float(image[down, right]) - float(image[down, j]))
+    value: float = top + fy * (bottom - top)
     return value
 
 
 @kernel
+def quad_area(quad: Vector) -> float:
+    """px², of a quad (4, 2) that goes clockwise in the image."""
+    a, b, c, d = quad[0], quad[1], quad[2], quad[3]
+    area: float = 0.5 * ((c[0] - a[0]) * (d[1] - b[1]) - (d[0] - b[0]) * (c[1] - a[1]))
+    return area
+
+
+@inlined
 def _edge_offset(image: Image, x: float, y: float, nx: float, ny: float, reach: float) -> float:
     """Distance along the outward normal from (x, y) to the edge; NaN where there is none."""
+    if not (within(image, x - reach * nx, y - reach * ny) and within(image, x + reach * nx, y + reach * ny)):
+        return math.nan
     count = int(2.0 * reach) + 2
     spacing = 2.0 * reach / count
     rise, moment = 0.0, 0.0
@@ -50,44 +71,55 @@ def _edge_offset(image: Image, x: float, y: float, nx: float, ny: float, reach: 
     for k in range(1, count + 1):
         s = k * spacing - reach
         value = sample(image, x + s * nx, y + s * ny)
-        if value > previous:
-            rise += value - previous
-            moment += (value - previous) * (s - 0.5 * spacing)
+        more = max(value - previous, 0.0)
+        rise += more
+        moment += more * (s - 0.5 * spacing)
         previous = value
-        if math.isnan(value):
-            return math.nan
     return moment / rise if rise >= LEAST_RISE else math.nan
 
 
 @kernel
-def _fit_side(image: Image, a: Vector, b: Vector, reach: float, line: Vector) -> bool:
-    """Fit ``line`` (3,), n·x = c with unit n pointing outward, to the edge near the side from ``a`` to ``b``."""
+def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, lines: Vector) -> bool:
+    """Fit the edge near the side from ``a`` to ``b``; its tangents there into ``lines`` (2, 3).
+
+    They are n·x = c with n pointing outward.
+    """
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = math.sqrt(dx * dx + dy * dy)
     if length < 4.0:
         return False
     nx, ny = dy / length, -dx / length
-    scans = min(max(int(length), 8), MOST_SCANS)
-    n, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # Normal equations of an offset c0 + c1 t + c2 (t² - 1/4), t from -1/2 to 1/2 along the side; -4 c2 is its sagitta.
+    n, s1, s2, s3, s4, r0, r1, r2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(scans):
-        t = CORNER_SHARE + (1.0 - 2.0 * CORNER_SHARE) * (k + 0.5) / scans
-        x, y = a[0] + t * dx, a[1] + t * dy
-        offset = _edge_offset(image, x, y, nx, ny, reach)
+        t = (1.0 - 2.0 * CORNER_SHARE) * ((k + 0.5) / scans - 0.5)
+        offset = _edge_offset(image, a[0] + (t + 0.5) * dx, a[1] + (t + 0.5) * dy, nx, ny, reach)
         if math.isnan(offset):
             continue
-        x, y = x + offset * nx - a[0], y + offset * ny - a[1]
+        q = t * t - 0.25
         n += 1
-        sx, sy = sx + x, sy + y
-        sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
+        s1, s2, s3, s4 = s1 + t, s2 + q, s3 + t * q, s4 + q * q
+        r0, r1, r2 = r0 + offset, r1 + offset * t, r2 + offset * q
     if n < LEAST_SCANS:
         return False
-    mx, my = sx / n, sy / n
-    angle = 0.5 * math.atan2(2.0 * (sxy / n - mx * my), (sxx / n - mx * mx) - (syy / n - my * my))
-    line[0], line[1] = math.sin(angle), -math.cos(angle)
-    if line[0] * nx + line[1] * ny < 0.0:
-        line[0], line[1] = -line[0], -line[1]
-    line[2] = line[0] * (mx + a[0]) + line[1] * (my + a[1])
-    return bool(line[0] * nx + line[1] * ny > 0.9)
+    t2 = s2 + 0.25 * n
+    s4 += (SCAN_NOISE / (4.0 * BEND * length * length)) ** 2
+    # Without the constant, then without the slope.
+    a11, a12, a22 = t2 - s1 * s1 / n, s3 - s1 * s2 / n, s4 - s2 * s2 / n
+    b1, b2 = r1 - s1 * r0 / n, r2 - s2 * r0 / n
+    if a11 < 1e-6:
+        return False
+    c2 = (b2 - a12 * b1 / a11) / (a22 - a12 * a12 / a11)
+    c1 = (b1 - a12 * c2) / a11
+    c0 = (r0 - c1 * s1 - c2 * s2) / n
+    for end in range(2):
+        t = end - 0.5
+        slope = (c1 + 2.0 * c2 * t) / length
+        offset = c0 + c1 * t
+        px, py = a[0] + end * dx + offset * nx, a[1] + end * dy + offset * ny
+        lines[end, 0], lines[end, 1] = nx - slope * dx / length, ny - slope * dy / length
+        lines[end, 2] = lines[end, 0] * px + lines[end, 1] * py
+    return abs(c1) < 0.4 * length
 
 
 @kernel
@@ -102,31 +134,29 @@ def _meet(p: Vector, q: Vector, corner: Vector) -> bool:
 
 
 @kernel
-def refine_corners(image: Image, corners: Vector, modules: int) -> Vector:
-    """Corners (m, 4, 2) in pixels, refined in ``image`` (h, w); ``modules`` a side, with the black border.
+def refine_corners(image: Image, corners: Vector, modules: int, refined: Vector) -> bool:
+    """Put ``corners`` (4, 2) in pixels, refined in ``image`` (h, w), into ``refined`` (4, 2).
 
-    Corners go clockwise in the image, as detectors give them. A marker whose edges can't be fitted, or whose
-    corners would move further than a module and two pixels, keeps the corners that it came with.
+    Corners go clockwise in the image; a marker has ``modules`` a side, with the black border. Where the edges can't
+    be fitted, or corners would move further than a module and two pixels, they stay as they came, and it is False.
     """
-    refined = corners.copy()
-    lines = np.empty((4, 3))
-    for m in range(corners.shape[0]):
-        quad = corners[m].copy()
-        good = True
-        for _ in range(PASSES):
-            for side in range(4):
-                a, b = quad[side], quad[(side + 1) % 4]
-                module = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) / modules
-                reach = min(max(0.9 * module, 1.5), LONGEST_SCAN)
-                good = good and _fit_side(image, a, b, reach, lines[side])
-            for side in range(4):
-                good = good and _meet(lines[side - 1], lines[side], quad[side])
-            if not good:
-                break
+    quad, lines = corners.copy(), np.empty((4, 2, 3))
+    good = True
+    for scans in SCANS:
         for side in range(4):
-            moved = math.sqrt(((quad[side] - corners[m, side]) ** 2).sum())
-            module = math.sqrt(((corners[m, side] - corners[m, (side + 1) % 4]) ** 2).sum()) / modules
-            good = good and moved < module + 2.0
-        if good:
-            assign(refined[m].reshape(8), quad.reshape(8))
-    return refined
+            a, b = quad[side], quad[(side + 1) % 4]
+            # Across the side: of markers seen askew that is less than along it.
+            module = quad_area(quad) / (modules * math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) + 1e-9)
+            reach = min(max(0.9 * module, 1.5), LONGEST_SCAN)
+            good = good and _fit_side(image, a, b, reach, scans, lines[side])
+        for side in range(4):
+            good = good and _meet(lines[side - 1, 1], lines[side, 0], quad[side])
+    for side in range(4):
+        moved = math.sqrt((quad[side, 0] - corners[side, 0]) ** 2 + (quad[side, 1] - corners[side, 1]) ** 2)
+        a, b = corners[side], corners[(side + 1) % 4]
+        module = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) / modules
+        good = good and moved < module + 2.0
+    for side in range(4):
+        refined[side, 0] = quad[side, 0] if good else corners[side, 0]
+        refined[side, 1] = quad[side, 1] if good else corners[side, 1]
+    return good

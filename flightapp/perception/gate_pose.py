@@ -161,10 +161,10 @@ class GatePoseSolver:
         self._camera = camera
         self._shape = track.gate.marker_corners()
         self._R_bc, self._p_bc = np.array(camera.R_bc, float, order="C"), np.array(camera.p_bc, float)
-        self._ids = tuple(gate.id for gate in track.gates)
+        self._ids = tuple(gate.id for gate in track.passage)
         self._places = {
             marker_id: (index, slot)
-            for index, gate in enumerate(track.gates)
+            for index, gate in enumerate(track.passage)
             for slot, marker_id in enumerate(gate.markers)
         }
         self._solve(np.zeros((4, 2)), [0])

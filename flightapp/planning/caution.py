@@ -11,7 +11,6 @@ from flightapp.messages import GateEstimate
 from flightapp.planning.course import horizontal_sigma
 from flightapp.planning.pacer import Paced
 from flightapp.track import GateShape
-from flightapp.trajectory import Trajectory
 
 BAND = 0.06
 """Change of the wanted rate that is worth a change of pace."""
@@ -44,7 +43,7 @@ class Caution:
         for gate_id, time in zip(flown.gate_ids, flown.gate_times, strict=True):
             ahead = flown.stamp + time - stamp
             if gate_id in by_id and 0.0 < ahead <= self._config.planning.pace_ahead:
-                reasons.append(self._gate(by_id[gate_id], stamp, flown, shape))
+                reasons.append(self._gate(by_id[gate_id], shape))
         rate, why = min(reasons)
         if rate >= 1.0:
             return 1.0, "nothing is in the way"
@@ -61,20 +60,13 @@ class Caution:
         self._faster_since = min(self._faster_since, stamp)
         return stamp >= self._faster_since + PATIENCE
 
-    def _gate(self, gate: GateEstimate, stamp: float, flown: Trajectory, shape: GateShape) -> tuple[float, str]:
-        """The opening must hold so many standard deviations of where the gate is, seen from the vehicle.
-
-        The tracker has drifted since the gate was seen last, by the map's own random walk.
-        """
-        mapping, planning = self._config.mapping, self._config.planning
-        speed = float(np.linalg.norm(flown.setpoint(stamp).velocity))
-        walk = math.hypot(mapping.drift_rate, mapping.drift_speed * speed)
-        unseen = max(stamp - gate.last_seen, 0.0) if math.isfinite(gate.last_seen) else 0.0
-        sigma = math.hypot(horizontal_sigma(gate), walk * math.sqrt(unseen))
+    def _gate(self, gate: GateEstimate, shape: GateShape) -> tuple[float, str]:
+        """The opening must hold so many standard deviations of where the gate is, seen from the vehicle."""
+        planning, sigma = self._config.planning, horizontal_sigma(gate)
         room = 0.5 * shape.opening - self._config.vehicle.radius
         if planning.pace_sigmas * sigma <= room:
             return 1.0, ""
-        why = f"gate {gate.gate_id} is known to {sigma:.2f} m, last seen {unseen:.1f} s ago"
+        why = f"gate {gate.gate_id} is known to {sigma:.2f} m"
         return max(room, 0.0) / (planning.pace_sigmas * sigma), why
 
     def _battery(self, flying: Paced, stamp: float, voltage: float) -> float:
@@ -90,7 +82,8 @@ class Caution:
         force = self._config.planning.thrust_share * share * vehicle.thrust_max
         if force <= GRAVITY:
             return 0.0
-        times = np.arange(flying.place(stamp), flying.plan.duration + INTERVAL, INTERVAL)
+        duration = flying.plan.duration
+        times = np.arange(min(flying.place(stamp), duration), duration + INTERVAL, INTERVAL)
         a = flying.plan.sample(times).acceleration
         square, lift = np.maximum((a * a).sum(axis=1), 1e-9), GRAVITY * a[:, 2]
         rates = (np.sqrt(lift * lift + square * (force * force - GRAVITY * GRAVITY)) - lift) / square

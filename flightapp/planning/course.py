@@ -13,6 +13,8 @@ import numpy as np
 from flightapp.frames import Vector
 from flightapp.messages import GateEstimate
 
+KNOWN_YAW = 0.35
+"""rad, greatest standard deviation of the direction of passage of a gate that may be flown through."""
 EXIT_RUN = 2.5
 """m straight out of a passed gate before which a course may not end: turning earlier would end in its frame."""
 
@@ -28,6 +30,8 @@ class Course:
     """The gate that has to be seen before going on; None when there is none."""
     beyond: GateEstimate | None = None
     """The known gate behind the planner's horizon, towards which the course goes on; None when there is none."""
+    blind: bool = False
+    """Whether nothing at all is known of the gate that comes next."""
 
     @property
     def following(self) -> GateEstimate | None:
@@ -44,11 +48,13 @@ def horizontal_sigma(gate: GateEstimate) -> float:
 
 def is_known(gate: GateEstimate, known_sigma: float, least_sightings: int = 3) -> bool:
     """Whether a gate is known well enough to be flown through."""
-    return (gate.surveyed or gate.sightings >= least_sightings) and horizontal_sigma(gate) <= known_sigma
+    if not gate.surveyed and (gate.sightings < least_sightings or gate.covariance[3, 3] > KNOWN_YAW**2):
+        return False
+    return horizontal_sigma(gate) <= known_sigma
 
 
 def course(
-    gates: Sequence[GateEstimate],
+    gates: Sequence[GateEstimate | None],
     origin: Vector,
     end: Vector,
     known_sigma: float,
@@ -59,15 +65,24 @@ def course(
 
     ``standoff`` is the distance in metres to keep from a gate that is not known yet; ``horizon`` the number of gates
     after which a course ends, at rest there too: it is planned on as gates are passed, long before it would brake.
+    A gate of which nothing is known is None: the course ends straight out of the one before it, looking ahead.
     """
     known: list[GateEstimate] = []
     for gate in gates:
+        if gate is None:
+            return Course(tuple(known), _straight_out(known[-1]) if known else origin, None, blind=True)
         if not is_known(gate, known_sigma):
             return Course(tuple(known), _wait_before(gate, known, origin, standoff), gate)
         if len(known) == horizon:
             return Course(tuple(known), _wait_before(gate, known, origin, standoff), None, gate)
         known.append(gate)
     return Course(tuple(known), end, None)
+
+
+def _straight_out(gate: GateEstimate) -> Vector:
+    """Behind ``gate``, clear of its frame."""
+    out: Vector = gate.position + EXIT_RUN * np.array((math.cos(gate.yaw), math.sin(gate.yaw), 0.0))
+    return out
 
 
 def _wait_before(gate: GateEstimate, known: list[GateEstimate], origin: Vector, standoff: float) -> Vector:

@@ -66,7 +66,7 @@ class Navigator:
         behind = self._passed(goal, flown, stamp)
         leg = self._course(goal, gate_map, behind, start.position)
         self.waiting_for = leg.waiting_for
-        if not fresh and not self._changed(leg):
+        if (leg.blind and not leg.gates) or (not fresh and not self._changed(leg)):
             return None
         look_at = leg.following.position if leg.following else None
         self._asked, self._asked_serial, self._asked_behind = now, goal.serial, behind
@@ -151,10 +151,10 @@ class Navigator:
         self.pacer.took(choice)
 
     def _course(self, goal: Goal, gate_map: GateMap | None, behind: int, origin: Vector) -> Course:
-        if not goal.gate_ids or gate_map is None:
+        if not goal.gate_ids:
             return Course((), goal.end, None)
-        by_id = {gate.gate_id: gate for gate in gate_map.gates}
-        ahead = [by_id[gate_id] for gate_id in goal.gate_ids[behind:]]
+        by_id = {gate.gate_id: gate for gate in gate_map.gates} if gate_map else {}
+        ahead = [by_id.get(gate_id) for gate_id in goal.gate_ids[behind:]]
         race = self._config.race
         horizon = self._config.planning.horizon
         return course(ahead, origin, goal.end, self._config.mapping.known_sigma, race.standoff, horizon)

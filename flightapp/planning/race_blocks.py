@@ -3,22 +3,33 @@
 import math
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined, lean_kernel
+from flightapp.jit import fused, fused_kernel
 from flightapp.planning.race_samples import KNOT
 
 
-@inlined
+@fused
+def _subtract(rows: Vector, m: int, x0: float, x1: float, x2: float, x3: float, count: int, target: Vector) -> None:
+    """Take four of ``rows``, from the ``m``-th on, times numbers, from the first ``count`` entries of ``target``.
+
+    ``count`` should not be known when this is compiled: loops of known length are unrolled and not done side by side.
+    """
+    for b in range(count):
+        target[b] -= x0 * rows[m, b] + x1 * rows[m + 1, b] + x2 * rows[m + 2, b] + x3 * rows[m + 3, b]
+
+
+@fused
 def _without(D: Vector, F: Vector) -> None:
-    """Take from the block ``D`` what the block above, whose ``F`` is the transposed factor, has of it."""
-    for m in range(KNOT):
-        for a in range(KNOT):
-            x = F[m, a]
-            if x != 0.0:
-                for b in range(KNOT):
-                    D[a, b] -= x * F[m, b]
+    """Take from the lower half of the block ``D`` what the block above, of transposed factor ``F``, has of it."""
+    for a in range(D.shape[0]):
+        target = D[a]
+        for m in range(0, KNOT - 3, 4):
+            _subtract(F, m, F[m, a], F[m + 1, a], F[m + 2, a], F[m + 3, a], a + 1, target)
+        for m in range(KNOT - KNOT % 4, KNOT):
+            for b in range(a + 1):
+                target[b] -= F[m, a] * F[m, b]
 
 
-@inlined
+@fused
 def _decompose(D: Vector) -> bool:
     """Cholesky factor of one block in place, its diagonal inverted; False where it is not positive definite."""
     for j in range(KNOT):
@@ -36,22 +47,26 @@ def _decompose(D: Vector) -> bool:
     return True
 
 
-@inlined
+@fused
 def _divide(D: Vector, F: Vector) -> None:
     """Fill ``F``, the block under the one whose factor is ``D``, with its transposed part of the factor."""
     for a in range(KNOT):
         for b in range(a):
             F[a, b], F[b, a] = F[b, a], F[a, b]
+    count = F.shape[0]
     for m in range(KNOT):
-        for j in range(m):
+        target, whole = F[m], m - m % 4
+        for j in range(0, whole, 4):
+            _subtract(F, j, D[m, j], D[m, j + 1], D[m, j + 2], D[m, j + 3], count, target)
+        for j in range(whole, m):
             x = D[m, j]
-            for b in range(KNOT):
-                F[m, b] -= x * F[j, b]
-        for b in range(KNOT):
-            F[m, b] *= D[m, m]
+            for b in range(count):
+                target[b] -= x * F[j, b]
+        for b in range(count):
+            target[b] *= D[m, m]
 
 
-@lean_kernel
+@fused_kernel
 def factorise(diagonal: Vector, below: Vector) -> bool:
     """Cholesky factor in place; False where the matrix is not positive definite.
 
@@ -68,7 +83,7 @@ def factorise(diagonal: Vector, below: Vector) -> bool:
     return True
 
 
-@lean_kernel
+@fused_kernel
 def solve(diagonal: Vector, below: Vector, x: Vector) -> None:
     """Solve in place for the right-hand side ``x`` (n + 1, 13) with the factor of `factorise`."""
     n = below.shape[0]

@@ -10,7 +10,7 @@ from flightapp.frames import GRAVITY, Vector
 from flightapp.interfaces import PlanRequest
 from flightapp.messages import GateEstimate
 from flightapp.planning.course import horizontal_sigma
-from flightapp.planning.obstacles import MARGIN, Margins, distance
+from flightapp.planning.obstacles import BALL, CENTRE, MARGIN, Margins, distance
 from flightapp.planning.race_problem import (
     ACCELERATION,
     ALONG,
@@ -187,7 +187,9 @@ def coefficients(limits: Vector) -> Vector:
 def leaving(rows: Vector, points: Vector) -> Vector:
     """``rows`` of obstacles, whose margins the first and the last of ``points`` (m, 3) keep as well as they can."""
     eased, gradient = rows.copy(), np.empty(3)
-    for i in range(len(rows)):
-        for point in (points[0], points[-1]):
+    for point in (points[0], points[-1]):
+        away = rows[:, CENTRE : CENTRE + 3] - point
+        reach = rows[:, BALL] + rows[:, MARGIN] + EASE
+        for i in np.flatnonzero((away * away).sum(axis=1) < reach * reach).tolist():
             eased[i, MARGIN] = min(eased[i, MARGIN], distance(point, rows, i, gradient) - EASE)
     return eased

@@ -6,8 +6,8 @@ The merit is the cost, the barrier of the slacks, and the violation of c + s = 0
 import math
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined
-from flightapp.planning.race_problem import AT_KNOT, KINDS, Problem
+from flightapp.jit import fused
+from flightapp.planning.race_problem import AT_KNOT, BRIEF, KINDS, PLACES, Problem
 from flightapp.planning.race_samples import KNOT, SAMPLES
 from flightapp.planning.race_work import Work
 
@@ -15,19 +15,9 @@ TO_BOUNDARY = 0.98
 """Share of the way to zero that slacks and multipliers may go in one step."""
 SPREAD = 1e4
 """Ratio by which a multiplier may differ from the barrier over its slack."""
-GROUPS = KINDS + 3
-"""Kinds of inequalities, those of knots among them."""
 
 
-@inlined
-def _span(group: int) -> tuple[int, int]:
-    """First place of a group of inequalities, and the one after its last."""
-    if group < KINDS:
-        return group * SAMPLES, (group + 1) * SAMPLES
-    return AT_KNOT + group - KINDS, AT_KNOT + group - KINDS + 1
-
-
-@inlined
+@fused
 def _logarithm(values: Vector) -> float:
     """Sum of the logarithms of ``values`` (k,), which are slacks: their product is within the range of floats."""
     product, total = 1.0, 0.0
@@ -39,102 +29,106 @@ def _logarithm(values: Vector) -> float:
     return total + math.log(product)
 
 
-@inlined
+@fused
+def _count(problem: Problem, counted: Vector) -> None:
+    """Fill ``counted`` (2, PLACES) with 1 for the inequalities that are wanted of a segment and of the last knot."""
+    for place in range(PLACES):
+        kind = place // SAMPLES if place < AT_KNOT else KINDS + place - AT_KNOT
+        counted[0, place] = problem.active[kind]
+        counted[1, place] = problem.active[kind] if place > BRIEF else 0.0
+
+
+@fused
 def begin(problem: Problem, mu: float, least: float, work: Work) -> tuple[float, float]:
-    """Slacks and multipliers to start with; the number of inequalities and the barrier."""
+    """Slacks and multipliers to start with; the number of inequalities and the barrier.
+
+    Inequalities that are not wanted have the slack 1 and the multiplier 0, and keep them.
+    """
     n = work.slack.shape[0] - 1
     count, total = 0.0, 0.0
-    for group in range(GROUPS):
-        if problem.active[group] == 0.0:
-            continue
-        first, last = _span(group)
-        count += n * (last - first)
-        for i in range(n + 1):
-            slack, dual, c = work.slack[i], work.dual[i], work.c[i]
-            for place in range(first, last):
-                if mu > 0.0:
-                    slack[place] = max(-c[place], least)
-                    dual[place] = mu / slack[place]
-                else:
-                    slack[place] = max(-c[place], slack[place])
-                    total += slack[place] * dual[place]
+    _count(problem, work.counted)
+    for i in range(n + 1):
+        slack, dual, c, wanted = work.slack[i], work.dual[i], work.c[i], work.counted[i // n]
+        for k in range(PLACES):
+            count += wanted[k]
+            if mu > 0.0:
+                slack[k] = max(-c[k], least) if wanted[k] != 0.0 else 1.0
+                dual[k] = mu * wanted[k] / slack[k]
+            else:
+                slack[k] = max(-c[k], slack[k])
+                total += slack[k] * dual[k]
     return count, mu if mu > 0.0 else total / count
 
 
-@inlined
-def change_slacks(problem: Problem, mu: float, work: Work) -> tuple[float, float]:
+@fused
+def change_slacks(mu: float, work: Work) -> tuple[float, float]:
     """Turn `Work.slope` into the slacks' change and fill `turn`; the greatest steps of slacks and multipliers."""
-    nearest, least = 1.0, 1.0
-    for i in range(work.slack.shape[0]):
-        for group in range(GROUPS):
-            if problem.active[group] == 0.0:
-                continue
-            first, last = _span(group)
-            slack, dual, c = work.slack[i, first:last], work.dual[i, first:last], work.c[i, first:last]
-            change, turn = work.slope[i, first:last], work.turn[i, first:last]
-            for k in range(slack.size):
-                change[k] = -(c[k] + slack[k]) - change[k]
-                turn[k] = (mu - dual[k] * change[k]) / slack[k] - dual[k]
-            for k in range(slack.size):
-                nearest = max(nearest, -change[k] / slack[k])
-                least = max(least, -turn[k] / dual[k])
+    nearest, least, n = 1.0, 1.0, work.slack.shape[0] - 1
+    for i in range(n + 1):
+        slack, dual, c, wanted = work.slack[i], work.dual[i], work.c[i], work.counted[i // n]
+        change, turn = work.slope[i], work.turn[i]
+        for k in range(PLACES):
+            change[k] = -(c[k] + slack[k]) - change[k]
+            turn[k] = (mu * wanted[k] - dual[k] * change[k]) / slack[k] - dual[k]
+        for k in range(PLACES):
+            # Divisions are waited for; most need none.
+            if -change[k] > nearest * slack[k]:
+                nearest = -change[k] / slack[k]
+            if -turn[k] > least * dual[k]:
+                least = -turn[k] / dual[k]
     return min(1.0, TO_BOUNDARY / nearest), min(1.0, TO_BOUNDARY / least)
 
 
-@inlined
-def price(problem: Problem, mu: float, weight: float, dually: float, work: Work) -> float:
-    """Fill `Work.penalty`: ``weight`` times the multiplier, now or after the step. The merit besides the cost."""
+@fused
+def price(weight: float, dually: float, work: Work) -> float:
+    """Fill `Work.penalty`: ``weight`` times the multiplier, now or after the step. What is violated at that price."""
     merit = 0.0
     for i in range(work.slack.shape[0]):
-        for group in range(GROUPS):
-            if problem.active[group] == 0.0:
-                continue
-            first, last = _span(group)
-            penalty, dual, turn = work.penalty[i, first:last], work.dual[i, first:last], work.turn[i, first:last]
-            slack, c = work.slack[i, first:last], work.c[i, first:last]
-            for k in range(slack.size):
-                penalty[k] = weight * max(dual[k], dual[k] + dually * turn[k])
-                merit += penalty[k] * abs(c[k] + slack[k])
-            merit -= mu * _logarithm(slack)
+        penalty, dual, turn = work.penalty[i], work.dual[i], work.turn[i]
+        slack, c = work.slack[i], work.c[i]
+        for k in range(PLACES):
+            penalty[k] = weight * max(dual[k], dual[k] + dually * turn[k])
+            merit += penalty[k] * abs(c[k] + slack[k])
     return merit
 
 
-@inlined
-def tried_merit(problem: Problem, mu: float, share: float, work: Work) -> float:
-    """The merit besides the cost after ``share`` of the step; fills `Work.tried_slack`."""
+@fused
+def logarithms(slack: Vector) -> float:
+    """Sum of the logarithms of all of ``slack`` (n + 1, PLACES)."""
+    total = 0.0
+    for i in range(slack.shape[0]):
+        total += _logarithm(slack[i])
+    return total
+
+
+@fused
+def tried_violation(share: float, work: Work) -> float:
+    """What is violated after ``share`` of the step, at `Work.penalty`; fills `Work.tried_slack`."""
     merit = 0.0
     for i in range(work.slack.shape[0]):
-        for group in range(GROUPS):
-            if problem.active[group] == 0.0:
-                continue
-            first, last = _span(group)
-            slack, change, c = work.slack[i, first:last], work.slope[i, first:last], work.tried_c[i, first:last]
-            tried, penalty = work.tried_slack[i, first:last], work.penalty[i, first:last]
-            for k in range(slack.size):
-                tried[k] = max(slack[k] + share * change[k], -c[k])
-                merit += penalty[k] * abs(c[k] + tried[k])
-            merit -= mu * _logarithm(tried)
+        slack, change, c = work.slack[i], work.slope[i], work.tried_c[i]
+        tried, penalty = work.tried_slack[i], work.penalty[i]
+        for k in range(PLACES):
+            tried[k] = max(slack[k] + share * change[k], -c[k])
+            merit += penalty[k] * abs(c[k] + tried[k])
     return merit
 
 
-@inlined
-def accept(line: Vector, problem: Problem, mu: float, dually: float, work: Work) -> tuple[float, float]:
+@fused
+def accept(line: Vector, mu: float, dually: float, work: Work) -> tuple[float, float]:
     """Go to what was tried; the sum of slacks times multipliers and the greatest violation there."""
-    total, excess = 0.0, 0.0
-    for i in range(work.slack.shape[0]):
-        for group in range(GROUPS):
-            if problem.active[group] == 0.0:
-                continue
-            first, last = _span(group)
-            slack, dual, c = work.slack[i, first:last], work.dual[i, first:last], work.c[i, first:last]
-            turn = work.turn[i, first:last]
-            tried_slack, tried_c = work.tried_slack[i, first:last], work.tried_c[i, first:last]
-            for k in range(slack.size):
-                slack[k], c[k] = tried_slack[k], tried_c[k]
-                ratio = mu / slack[k]
-                dual[k] = min(max(dual[k] + dually * turn[k], ratio / SPREAD), ratio * SPREAD)
-                total += slack[k] * dual[k]
-                excess = max(excess, c[k])
+    total, excess, n = 0.0, 0.0, work.slack.shape[0] - 1
+    for i in range(n + 1):
+        slack, dual, c, wanted = work.slack[i], work.dual[i], work.c[i], work.counted[i // n]
+        turn, tried_slack, tried_c = work.turn[i], work.tried_slack[i], work.tried_c[i]
+        for k in range(PLACES):
+            slack[k], c[k] = tried_slack[k], tried_c[k]
+            ratio = mu * wanted[k] / slack[k]
+            dual[k] = min(max(dual[k] + dually * turn[k], ratio / SPREAD), ratio * SPREAD)
+            total += slack[k] * dual[k]
+        for k in range(PLACES):
+            if c[k] > excess:  # noqa: PLR1730 - a branch that is hardly ever taken is faster than a maximum
+                excess = c[k]
         for a in range(KNOT):
             line[i, a] = work.tried[i, a]
     return total, excess

@@ -9,9 +9,24 @@ import math
 from typing import NamedTuple
 
 from flightapp.frames import GRAVITY, Vector
-from flightapp.jit import inlined, lean_kernel
+from flightapp.jit import fused, fused_kernel
 from flightapp.planning.obstacles import MARGIN, beyond, distance
-from flightapp.planning.race_samples import BY_ENTRY, DENSE, DURATION, FINE, SAMPLES, add_drag, sample, scaled_ends
+from flightapp.planning.race_rows import AT_AWAY, AT_LACK, AT_SQUARE, AT_VALUE, AT_WORST
+from flightapp.planning.race_samples import (
+    AT_A,
+    AT_F,
+    AT_J,
+    AT_P,
+    AT_V,
+    BY_ENTRY,
+    DENSE,
+    DURATION,
+    FINE,
+    SAMPLES,
+    add_drag,
+    sample,
+    scaled_ends,
+)
 
 SPEED, ACCELERATION, FORCE, RATE, LEAST_FORCE, TILT, FLOOR, CLEARANCE = range(8)
 """Kinds of inequalities at samples."""
@@ -59,78 +74,79 @@ class Problem(NamedTuple):
     """1/s, specific force per m/s that holds the vehicle back."""
 
 
-@inlined
+@fused
 def square(v: Vector) -> float:
     """Squared length of ``v`` (3,)."""
     total: float = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     return total
 
 
-@inlined
-def at_samples(kind: int, q: Vector, limits: Vector, rows: Vector, away: Vector, out: Vector) -> None:
-    """Fill ``out`` (SAMPLES,) with the inequality ``kind`` at the samples ``q`` (15, SAMPLES).
+@fused
+def at_samples(q: Vector, limits: Vector, out: Vector) -> None:
+    """Fill ``out`` (KINDS SAMPLES,) with the inequalities at the samples ``q`` (`LENGTH`,), and the square in ``q``.
 
-    ``limits`` (KINDS,) are the segment's. Directions away from the nearest obstacle go to ``away`` (3, SAMPLES).
+    ``limits`` (KINDS,) are the segment's. For clearance, what `too_near` left counts. All are computed at once, wanted
+    or not, as that lets compilers work on several samples side by side.
     """
-    if kind == CLEARANCE:
-        _too_near(q, rows, away, out)
-        for k in range(SAMPLES):
-            out[k] += limits[CLEARANCE]
-        return
-    limit = limits[kind]
-    if kind == FLOOR:
-        for k in range(SAMPLES):
-            out[k] = limit - q[2, k]
-        return
-    first = 3 if kind == SPEED else (12 if kind == ACCELERATION else 6)
-    lift = 0.0 if kind <= ACCELERATION else GRAVITY
-    x, y, z = q[first], q[first + 1], q[first + 2]
+    speed_limit, acceleration_limit, force_limit, rate_limit = limits[0], limits[1], limits[2], limits[3]
+    least, tilt, floor, clearance = limits[4], limits[5], limits[6], limits[7]
     for k in range(SAMPLES):
-        out[k] = x[k] * x[k] + y[k] * y[k] + (z[k] + lift) * (z[k] + lift)
-    if kind <= FORCE:
-        for k in range(SAMPLES):
-            out[k] = limit * out[k] - 1.0
-    else:
-        _by_force(kind, q, limit, out)
+        u, v, w = q[AT_V + k], q[AT_V + SAMPLES + k], q[AT_V + 2 * SAMPLES + k]
+        out[SPEED * SAMPLES + k] = speed_limit * (u * u + v * v + w * w) - 1.0
+        u, v, w = q[AT_A + k], q[AT_A + SAMPLES + k], q[AT_A + 2 * SAMPLES + k]
+        out[ACCELERATION * SAMPLES + k] = acceleration_limit * (u * u + v * v + w * w) - 1.0
+        x, y, z = q[AT_F + k], q[AT_F + SAMPLES + k], q[AT_F + 2 * SAMPLES + k] + GRAVITY
+        a, b, c = q[AT_J + k], q[AT_J + SAMPLES + k], q[AT_J + 2 * SAMPLES + k]
+        force, along = x * x + y * y + z * z, a * x + b * y + c * z
+        q[AT_SQUARE + k] = force
+        out[FORCE * SAMPLES + k] = force_limit * force - 1.0
+        turning = a * a + b * b + c * c - ALONG * along * along / force
+        out[RATE * SAMPLES + k] = (rate_limit * turning - force) / G2
+        out[LEAST_FORCE * SAMPLES + k] = (least - force) / G2
+        out[TILT * SAMPLES + k] = (tilt * math.sqrt(force) - z) / GRAVITY
+        out[FLOOR * SAMPLES + k] = floor - q[2 * SAMPLES + k]
+        out[CLEARANCE * SAMPLES + k] = clearance + q[AT_LACK + k]
 
 
-@inlined
-def _by_force(kind: int, q: Vector, limit: float, out: Vector) -> None:
-    """Turn ``out`` (SAMPLES,), squares of the specific force, into what of the inequality ``kind`` depends on them."""
-    if kind == RATE:
-        x, y, z, a, b, c = q[6], q[7], q[8], q[9], q[10], q[11]
-        for k in range(SAMPLES):
-            along = a[k] * x[k] + b[k] * y[k] + c[k] * (z[k] + GRAVITY)
-            turning = a[k] * a[k] + b[k] * b[k] + c[k] * c[k] - ALONG * along * along / out[k]
-            out[k] = (limit * turning - out[k]) / G2
-    elif kind == LEAST_FORCE:
-        for k in range(SAMPLES):
-            out[k] = (limit - out[k]) / G2
-    else:
-        for k in range(SAMPLES):
-            out[k] = (limit * math.sqrt(out[k]) - q[8, k] - GRAVITY) / GRAVITY
-
-
-@inlined
-def _too_near(q: Vector, rows: Vector, away: Vector, out: Vector) -> None:
-    """How much too near the samples are to the obstacles nearest to them."""
-    p, gradient = away[3, :3], away[3, 3:6]
+@fused
+def _spread(q: Vector, middle: Vector) -> float:
+    """Fill ``middle`` (3,) with the middle of the samples ``q``; the radius of a ball around it that holds them."""
+    far = 0.0
+    for axis in range(3):
+        middle[axis] = 0.5 * (q[AT_P + axis * SAMPLES] + q[AT_P + axis * SAMPLES + SAMPLES - 1])
     for k in range(SAMPLES):
+        x, y, z = q[k] - middle[0], q[SAMPLES + k] - middle[1], q[2 * SAMPLES + k] - middle[2]
+        far = max(far, x * x + y * y + z * z)
+    return math.sqrt(far)
+
+
+@fused
+def too_near(q: Vector, rows: Vector, ends: Vector) -> None:
+    """Fill rows of ``q`` with how much too near its samples are to the obstacles nearest to them, and ways away.
+
+    The last three rows of ``ends`` (11, 3) are scratch.
+    """
+    p, gradient, middle = ends[8], ends[9], ends[10]
+    for k in range(SAMPLES):
+        q[AT_LACK + k] = -REACH
         for axis in range(3):
-            p[axis] = q[axis, k]
-            away[axis, k] = 0.0
-        worst = -REACH
-        for i in range(rows.shape[0]):
-            if not beyond(p, rows, i, rows[i, MARGIN] - worst):
+            q[AT_AWAY + axis * SAMPLES + k] = 0.0
+    spread = _spread(q, middle)
+    for i in range(rows.shape[0]):
+        if beyond(middle, rows, i, rows[i, MARGIN] + REACH + spread):
+            continue
+        for k in range(SAMPLES):
+            for axis in range(3):
+                p[axis] = q[axis * SAMPLES + k]
+            if not beyond(p, rows, i, rows[i, MARGIN] - q[AT_LACK + k]):
                 lack = rows[i, MARGIN] - distance(p, rows, i, gradient)
-                if lack > worst:
-                    worst = lack
+                if lack > q[AT_LACK + k]:
+                    q[AT_LACK + k] = lack
                     for axis in range(3):
-                        away[axis, k] = gradient[axis]
-        out[k] = worst
+                        q[AT_AWAY + axis * SAMPLES + k] = gradient[axis]
 
 
-@inlined
+@fused
 def off_centre(k: int, line: Vector, problem: Problem, push: Vector) -> float:
     """dᵀ A d - 1 at knot ``k``; ``push`` (3,) is A d."""
     total = -1.0
@@ -142,7 +158,7 @@ def off_centre(k: int, line: Vector, problem: Problem, push: Vector) -> float:
     return total
 
 
-@inlined
+@fused
 def askew(k: int, line: Vector, problem: Problem) -> float:
     """How much too obliquely knot ``k`` is crossed, m/s."""
     v, n = line[k, 3:6], problem.normals[k]
@@ -153,7 +169,7 @@ def askew(k: int, line: Vector, problem: Problem) -> float:
     return problem.cosine * speed - along
 
 
-@inlined
+@fused
 def out_of_plane(k: int, line: Vector, problem: Problem) -> float:
     """How far knot ``k`` is from its plane, in units of the plane's normal."""
     total = 0.0
@@ -162,13 +178,13 @@ def out_of_plane(k: int, line: Vector, problem: Problem) -> float:
     return total
 
 
-@lean_kernel
+@fused_kernel
 def evaluate(line: Vector, problem: Problem, ends: Vector, samples: Vector, c: Vector) -> float:
     """Cost (s) of ``line`` (n + 1, 13): duration and smoothing; fills ``c`` (n + 1, PLACES) where active.
 
-    ``ends`` (9, 3) and ``samples`` (20, SAMPLES) are scratch.
+    ``ends`` (11, 3) and ``samples`` (`LENGTH`,) are scratch.
     """
-    y, push, q, away = ends[0:8], ends[8], samples[0:15], samples[15:19]
+    push = ends[8]
     n = line.shape[0] - 1
     cost = 0.0
     for i in range(n + 1):
@@ -181,35 +197,46 @@ def evaluate(line: Vector, problem: Problem, ends: Vector, samples: Vector, c: V
         if i == n:
             break
         duration = line[i, DURATION]
-        cost += duration
         c[i, BRIEF] = 1.0 - duration / problem.briefest[i]
-        scaled_ends(i, line, duration, y)
-        sample(BY_ENTRY, duration, y, q)
-        add_drag(problem.drag, q)
-        share = 0.5 * problem.smooth * duration / SAMPLES
-        for k in range(SAMPLES):
-            cost += share * (q[9, k] * q[9, k] + q[10, k] * q[10, k] + q[11, k] * q[11, k])
+        scaled_ends(i, line, duration, ends)
+        sample(BY_ENTRY, duration, ends, samples)
+        add_drag(problem.drag, samples)
+        square_jerk = 0.0
+        for k in range(3 * SAMPLES):
+            square_jerk += samples[AT_J + k] * samples[AT_J + k]
+        cost += duration * (1.0 + 0.5 * problem.smooth / SAMPLES * square_jerk)
+        if problem.active[CLEARANCE] != 0.0:
+            too_near(samples, problem.rows, ends)
+        at_samples(samples, problem.limits[i], c[i])
         for kind in range(KINDS):
-            if problem.active[kind] != 0.0:
-                place = kind * SAMPLES
-                at_samples(kind, q, problem.limits[i], problem.rows, away, c[i, place : place + SAMPLES])
+            if problem.active[kind] == 0.0:
+                for k in range(kind * SAMPLES, (kind + 1) * SAMPLES):
+                    c[i, k] = -1.0
     return cost
 
 
-@inlined
-def _raise_to(kind: int, q: Vector, value: Vector, top: Vector) -> None:
-    """Raise ``top[kind]`` to the greatest of ``value`` (SAMPLES,), that inequality at the samples ``q``."""
+@fused
+def _raise_worst(turn: int, q: Vector) -> None:
+    """Raise the rows of the worst to the inequalities; in the second ``turn`` only what drag has a part in."""
     for k in range(SAMPLES):
-        x = value[k]
-        if kind <= FORCE:
-            x += 1.0
-        elif kind <= LEAST_FORCE:
-            up = q[8, k] + GRAVITY
-            x = x * G2 / (q[6, k] * q[6, k] + q[7, k] * q[7, k] + up * up) + 1.0
-        top[kind] = max(top[kind], x)
+        scale = G2 / q[AT_SQUARE + k]
+        q[AT_VALUE + RATE * SAMPLES + k] *= scale
+        q[AT_VALUE + LEAST_FORCE * SAMPLES + k] *= scale
+    first, last = (0, KINDS * SAMPLES) if turn == 0 else (FORCE * SAMPLES, FLOOR * SAMPLES)
+    for k in range(first, last):
+        q[AT_WORST + k] = max(q[AT_WORST + k], q[AT_VALUE + k])
 
 
-@lean_kernel
+@fused
+def _worst_of(kind: int, q: Vector) -> float:
+    """The greatest of the inequality ``kind``; as a ratio to its limit where it is one."""
+    worst = -1.0 if kind < TILT else -REACH
+    for k in range(kind * SAMPLES, (kind + 1) * SAMPLES):
+        worst = max(worst, q[AT_WORST + k])
+    return math.sqrt(worst + 1.0) if kind < TILT else worst
+
+
+@fused_kernel
 def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst: Vector) -> None:
     """Fill ``worst`` (n, KINDS) with how far each segment of ``line`` exceeds ``problem``, densely sampled.
 
@@ -217,19 +244,21 @@ def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst
     What concerns the specific force counts without drag and with it, the worse of the two (M. Faessler, A. Franchi and
     D. Scaramuzza, 2018, for drag that is the same in all directions).
     """
-    y, q, away, value = ends[0:8], samples[0:15], samples[15:19], samples[19]
+    value = samples[AT_VALUE : AT_VALUE + KINDS * SAMPLES]
     for i in range(line.shape[0] - 1):
-        top, limits, duration = worst[i], problem.limits[i], line[i, DURATION]
-        for kind in range(KINDS):
-            top[kind] = 0.0 if kind < TILT else -REACH
-        scaled_ends(i, line, duration, y)
+        duration = line[i, DURATION]
+        for k in range(KINDS * SAMPLES):
+            samples[AT_WORST + k] = -1.0
+        scaled_ends(i, line, duration, ends)
         for part in range(FINE):
-            sample(DENSE[part], duration, y, q)
+            sample(DENSE[part], duration, ends, samples)
+            if problem.active[CLEARANCE] != 0.0:
+                too_near(samples, problem.rows, ends)
             for turn in range(2 if problem.drag != 0.0 else 1):
-                add_drag(problem.drag if turn == 1 else 0.0, q)
-                for kind in range(KINDS if turn == 0 else FLOOR):
-                    if problem.active[kind] != 0.0 and (turn == 0 or kind >= FORCE):
-                        at_samples(kind, q, limits, problem.rows, away, value)
-                        _raise_to(kind, q, value, top)
-        for kind in range(TILT):
-            top[kind] = math.sqrt(top[kind])
+                add_drag(problem.drag if turn == 1 else 0.0, samples)
+                at_samples(samples, problem.limits[i], value)
+                _raise_worst(turn, samples)
+        for kind in range(KINDS):
+            worst[i, kind] = 0.0 if kind < TILT else -REACH
+            if problem.active[kind] != 0.0:
+                worst[i, kind] = _worst_of(kind, samples)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined
+from flightapp.jit import fused
 from flightapp.trajectory import ORDER
 
 SAMPLES = 12
@@ -23,16 +23,25 @@ KNOT = 13
 DURATION = 12
 """Place of the duration among them."""
 ROWS = 15
-"""Rows of a segment's samples (15, SAMPLES): position, velocity, what the thrust has to accelerate but for gravity, its
+"""Rows of a segment's samples (15 SAMPLES,): position, velocity, what the thrust has to accelerate but for gravity, its
 derivative, and the acceleration; three each. With drag the third is the acceleration plus the drag times the velocity.
+
+All rows lie behind one another in one flat array, their places fixed: compilers then see that they do not overlap.
 """
+AT_P, AT_V, AT_F, AT_J, AT_A = (3 * SAMPLES * d for d in range(5))
+"""Where the rows of position, velocity, force, its derivative and acceleration begin."""
 FINE = 6
 """Times as many samples are looked at once a line is found."""
 
 
+EXPONENTS = np.array([[max(m - d, 0) for m in range(ORDER)] for d in range(4)])
+FALLING = np.array([[math.perm(m, d) for m in range(ORDER)] for d in range(4)], float)
+"""(4, 8) what is left of each power's exponent, and its factor, in the derivatives 0 to 3."""
+
+
 def _derivative_row(u: float, derivative: int) -> Vector:
     """(8,) d-th derivative at ``u`` of each power of u."""
-    return np.array([math.perm(m, derivative) * u ** max(m - derivative, 0) for m in range(ORDER)], float)
+    return np.asarray(FALLING[derivative] * u ** EXPONENTS[derivative], float)
 
 
 def _sampled(places: Vector) -> Vector:
@@ -46,18 +55,6 @@ BY_SAMPLE: Vector = _sampled(np.arange(SAMPLES) / SAMPLES)
 """(SAMPLES, 4, 8)."""
 BY_ENTRY: Vector = np.ascontiguousarray(BY_SAMPLE.transpose(1, 2, 0))
 """(4, 8, SAMPLES) the same."""
-PRODUCTS: Vector = np.array(
-    [
-        [
-            np.outer(u[d], u[f]).ravel()
-            for d, f in ((1, 1), (2, 2), (3, 3), (2, 3), (3, 2), (1, 2), (2, 1), (1, 3), (3, 1))
-        ]
-        for u in BY_SAMPLE
-    ]
-)
-"""(SAMPLES, 9, 64) of each entry with each: for v v, a a, j j, a j, j a, and with drag v a, a v, v j and j v."""
-PLACE_PRODUCTS: Vector = np.array([np.outer(u[0], u[0]).ravel() for u in BY_SAMPLE])
-"""(SAMPLES, 64) for p p."""
 DENSE: Vector = np.array(
     [np.transpose(_sampled(u), (1, 2, 0)) for u in np.linspace(0.0, 1.0, FINE * SAMPLES).reshape(FINE, SAMPLES)]
 )
@@ -69,12 +66,12 @@ def knot_at(line: Vector, i: int, share: float) -> Vector:
     duration = line[i, DURATION]
     powers = duration ** np.arange(4)
     ends = np.concatenate((line[i, :DURATION].reshape(4, 3), line[i + 1, :DURATION].reshape(4, 3)))
-    motion = _sampled(np.array([share]))[0] @ (np.concatenate((powers, powers))[:, None] * ends)
-    flat: Vector = (motion / powers[:, None]).ravel()
+    coefficients = COEFFICIENTS @ (np.concatenate((powers, powers))[:, None] * ends)
+    flat: Vector = ((FALLING * share**EXPONENTS) @ coefficients / powers[:, None]).ravel()
     return flat
 
 
-@inlined
+@fused
 def scaled_ends(i: int, line: Vector, duration: float, y: Vector) -> None:
     """Fill ``y`` (8, 3) with the ends of segment ``i`` of ``line`` (n + 1, 13), scaled by powers of the duration."""
     power = 1.0
@@ -85,9 +82,9 @@ def scaled_ends(i: int, line: Vector, duration: float, y: Vector) -> None:
         power *= duration
 
 
-@inlined
+@fused
 def sample(basis: Vector, duration: float, y: Vector, q: Vector) -> None:
-    """Fill ``q`` (15, SAMPLES) where the entries ``y`` (8, 3) count as ``basis`` (4, 8, SAMPLES).
+    """Fill ``q`` (15 SAMPLES,) where the entries ``y`` (8, 3) count as ``basis`` (4, 8, SAMPLES).
 
     As without drag, and without the last three rows.
     """
@@ -95,52 +92,53 @@ def sample(basis: Vector, duration: float, y: Vector, q: Vector) -> None:
     for d in range(4):
         b = basis[d]
         for axis in range(3):
-            row = q[3 * d + axis]
+            row = (3 * d + axis) * SAMPLES
             # One sum of all entries at once is a third of the work of adding one after the other.
             y0, y1, y2, y3 = scale * y[0, axis], scale * y[1, axis], scale * y[2, axis], scale * y[3, axis]
             y4, y5, y6, y7 = scale * y[4, axis], scale * y[5, axis], scale * y[6, axis], scale * y[7, axis]
             for k in range(SAMPLES):
                 first = y0 * b[0, k] + y1 * b[1, k] + y2 * b[2, k] + y3 * b[3, k]
-                row[k] = first + (y4 * b[4, k] + y5 * b[5, k] + y6 * b[6, k] + y7 * b[7, k])
+                q[row + k] = first + (y4 * b[4, k] + y5 * b[5, k] + y6 * b[6, k] + y7 * b[7, k])
         scale /= duration
 
 
-@inlined
+@fused
 def sample_changes(duration: float, y: Vector, q: Vector, out: Vector) -> None:
-    """Fill ``out`` (15, SAMPLES) with the derivative of samples ``q`` by the segment's duration, as `sample` does."""
+    """Fill ``out`` (15 SAMPLES,) with the derivative of samples ``q`` by the segment's duration, as `sample` does."""
     scale = 1.0 / duration
     for d in range(4):
         b = BY_ENTRY[d]
         for axis in range(3):
-            row, own = out[3 * d + axis], q[3 * d + axis]
+            row = (3 * d + axis) * SAMPLES
             x = -d / duration
             y1, y2, y3 = scale * y[1, axis], 2.0 * scale * y[2, axis], 3.0 * scale * y[3, axis]
             y5, y6, y7 = scale * y[5, axis], 2.0 * scale * y[6, axis], 3.0 * scale * y[7, axis]
             for k in range(SAMPLES):
-                first = x * own[k] + y1 * b[1, k] + y2 * b[2, k] + y3 * b[3, k]
-                row[k] = first + (y5 * b[5, k] + y6 * b[6, k] + y7 * b[7, k])
+                first = x * q[row + k] + y1 * b[1, k] + y2 * b[2, k] + y3 * b[3, k]
+                out[row + k] = first + (y5 * b[5, k] + y6 * b[6, k] + y7 * b[7, k])
         scale /= duration
 
 
-@inlined
+@fused
 def add_drag(drag: float, q: Vector) -> None:
-    """Make rows of ``q`` (15, SAMPLES) that are as without ``drag`` (1/s) those with it, and fill the last three."""
-    for row in range(12, 15):
-        for k in range(SAMPLES):
-            q[row, k] = q[row - 6, k]
+    """Make rows of ``q`` (15 SAMPLES,) that are as without ``drag`` (1/s) those with it, and fill the last three."""
+    for k in range(3 * SAMPLES):
+        q[AT_A + k] = q[AT_F + k]
     if drag != 0.0:
-        for row in range(11, 5, -1):
-            for k in range(SAMPLES):
-                q[row, k] += drag * q[row - 3, k]
+        # From the highest derivative down, as each takes what the next lower one is without drag.
+        for k in range(3 * SAMPLES):
+            q[AT_J + k] += drag * q[AT_F + k]
+        for k in range(3 * SAMPLES):
+            q[AT_F + k] += drag * q[AT_V + k]
 
 
-@inlined
-def take_back(drag: float, g: Vector) -> None:
-    """Turn derivatives ``g`` (15, SAMPLES) by the rows of samples into those by the first twelve without drag."""
+@fused
+def take_back(drag: float, g: Vector, at: int) -> None:
+    """Turn derivatives ``g`` from ``at`` on, by the rows of samples, into those by the first twelve without drag."""
     if drag != 0.0:
-        for row in range(3, 9):
-            for k in range(SAMPLES):
-                g[row, k] += drag * g[row + 3, k]
-    for row in range(6, 9):
-        for k in range(SAMPLES):
-            g[row, k] += g[row + 6, k]
+        for k in range(3 * SAMPLES):
+            g[at + AT_V + k] += drag * g[at + AT_F + k]
+        for k in range(3 * SAMPLES):
+            g[at + AT_F + k] += drag * g[at + AT_J + k]
+    for k in range(3 * SAMPLES):
+        g[at + AT_F + k] += g[at + AT_A + k]

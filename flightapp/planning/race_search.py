@@ -21,9 +21,9 @@ TOLERATED = 1.0008
 """Ratio to a limit, densely sampled, that counts as keeping to it."""
 NEAR = 2e-3
 """m, or of a cosine, that may be missing to clearance, floor and tilt."""
-FIRST = Parameters(0.02, 12, 40, 0.02, 2e-2, 1e-2, 0.5, 0.2, 0.1, 2.0)
+FIRST = Parameters(0.02, 12, 40, 0, 0.02, 2e-2, 1e-2, 1.5, 0.2, 0.1, 2.0)
 """For a line from nothing."""
-WARM = FIRST._replace(barrier=2e-4, enough=3, steps=25, shrink=0.5, damping=2.0, weight=5.0)
+WARM = FIRST._replace(barrier=2e-4, enough=3, steps=25, settled=0.5, shrink=0.5, damping=2.0, weight=5.0)
 """For a line that was found for nearly the same."""
 AGAIN = FIRST._replace(barrier=-1.0, enough=2, steps=10)
 """For a line that was found just now, with limits drawn in."""
@@ -35,20 +35,24 @@ FARTHEST = 0.05
 """m, or of a cosine, by which those are drawn in at most."""
 CALMER = 1.5
 """The ratio by which smoothing grows every time."""
-STRETCHES, HASTE = 40, 0.25
+NEARLY = 1.005
+"""A line from rest to rest that keeps to its limits when it is flown so many times slower is good enough."""
+STRETCHES, HASTE = 16, 0.4
 """Times that a line is flown slower, and the growth of the exponent by which it is."""
-EFFORT = 2400
-"""Steps times segments that one request may take; a step of one segment takes some 20 µs."""
+FEW = 3
+"""Times that are enough where flying slower helps at once: it does not where the thrust nearly vanishes."""
+EFFORT = 9_000
+"""Times segments, effort that the search for one plan may take, as `race_solver` counts it."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
 
 
-def slow_down(line: Vector, problem: Problem, work: Work) -> Vector:
+def slow_down(line: Vector, problem: Problem, work: Work, times: int = STRETCHES) -> Vector:
     """Fly ``line``, which starts and ends at rest, as slowly as its limits want; (n, KINDS) as `measure` has it."""
     worst = np.empty((len(line) - 1, KINDS))
-    for attempt in range(STRETCHES):
+    for attempt in range(times + 1):
         measure(line, problem, work.ends, work.samples, worst)
-        if not worst[:, :TILT].max() > TOLERATED:
+        if attempt == times or not worst[:, :TILT].max() > TOLERATED:
             break
         stretch(line, slowdown(worst) ** (1.0 + HASTE * attempt))
     return worst
@@ -59,14 +63,16 @@ class Search:
 
     def __init__(self, effort: int = EFFORT) -> None:
         self.effort = effort
-        """Steps times segments that are left."""
+        """Times segments, effort that is left."""
 
     def improve(self, line: Vector, problem: Problem, parameters: Parameters, work: Work) -> bool:
         """`race_solver.improve` with what is left; False if nothing is, or the arithmetic failed."""
-        steps = min(parameters.steps, self.effort // (len(line) - 1))
-        taken = improve(line, problem, parameters._replace(steps=steps), work) if steps > 0 else -1
-        self.effort -= max(taken, 1) * (len(line) - 1)
-        return taken >= 0
+        segments = len(line) - 1
+        if self.effort < segments:
+            return False
+        taken = improve(line, problem, parameters._replace(effort=self.effort // segments), work)
+        self.effort -= abs(taken) * segments
+        return taken > 0
 
     def _in_place(self, problem: Problem, work: Work) -> bool:
         """Whether gates are crossed as they should be, or nearly so."""
@@ -80,28 +86,40 @@ class Search:
 
         ``limits`` (n, KINDS) are those of each segment as of `limits_of`, drawn in on return, but not beyond ``least``
         (n, KINDS), which is 0 where there is no such bound. ``problem`` has the limits that are kept to in the end.
+        What a line from rest to rest exceeds them by is left to flying it slower, if that costs little.
         """
         worst = np.empty((len(line) - 1, KINDS))
-        calm = problem.smooth
-        held: NDArray[np.bool_] = np.asarray(least.any(axis=1))
+        calm, held = problem.smooth, np.asarray(least.any(axis=1))
+        at_rest = not (line[0, 3:DURATION].any() or line[-1, 3:DURATION].any())
         going = self.improve(line, problem._replace(limits=coefficients(limits)), first, work)
         for count in range(ROUNDS + 1):
             measure(line, problem, work.ends, work.samples, worst)
             ratio = worst[:, :TILT].max()
-            done = ratio <= TOLERATED and worst[:, TILT:].max() <= NEAR and self._in_place(problem, work)
-            if done or not going or count == ROUNDS:
+            clear = worst[:, TILT:].max() <= NEAR and self._in_place(problem, work)
+            if not going or (clear and ratio <= TOLERATED):
                 break
-            if count >= PATIENCE and held.any() and not ratio < HOPELESS:
+            if clear and at_rest and slowdown(worst) < NEARLY:
+                slower = line.copy()
+                eased = slow_down(slower, problem, work, FEW)
+                if eased[:, :TILT].max() <= TOLERATED:
+                    line[:] = slower
+                    return eased
+            if count == ROUNDS or (count >= PATIENCE and not ratio < HOPELESS and held.any()):
                 break
-            excess = np.where(worst > 1.0, np.minimum(worst + LEAST, MOST), 1.0)
-            limits[:, :LEAST_FORCE] = np.maximum(limits / excess, least)[:, :LEAST_FORCE]
-            limits[:, LEAST_FORCE] *= excess[:, LEAST_FORCE]
-            limits[held, LEAST_FORCE] = np.minimum(limits, least)[held, LEAST_FORCE]
-            more = np.where(worst[:, TILT:] > 0.0, np.minimum(worst[:, TILT:] + LEAST, FARTHEST), 0.0)
-            limits[:, TILT:] += np.where(held[:, None], 0.0, more)
+            _draw_in(limits, worst, least, held)
             calm *= CALMER
             going = self.improve(line, problem._replace(limits=coefficients(limits), smooth=calm), AGAIN, work)
         return worst
+
+
+def _draw_in(limits: Vector, worst: Vector, least: Vector, held: NDArray[np.bool_]) -> None:
+    """Draw in ``limits`` (n, KINDS) that are exceeded, those of segments ``held`` (n,) no farther than ``least``."""
+    excess = np.where(worst > 1.0, np.minimum(worst + LEAST, MOST), 1.0)
+    limits[:, :LEAST_FORCE] = np.maximum(limits / excess, least)[:, :LEAST_FORCE]
+    limits[:, LEAST_FORCE] *= excess[:, LEAST_FORCE]
+    limits[held, LEAST_FORCE] = np.minimum(limits, least)[held, LEAST_FORCE]
+    more = np.where(worst[:, TILT:] > 0.0, np.minimum(worst[:, TILT:] + LEAST, FARTHEST), 0.0)
+    limits[:, TILT:] += np.where(held[:, None], 0.0, more)
 
 
 def slowdown(worst: Vector) -> float:

@@ -10,8 +10,8 @@ import math
 from typing import NamedTuple
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined, lean_kernel
-from flightapp.planning.race_merit import accept, begin, change_slacks, price, tried_merit
+from flightapp.jit import fused, fused_kernel
+from flightapp.planning.race_merit import accept, begin, change_slacks, logarithms, price, tried_violation
 from flightapp.planning.race_problem import Problem, evaluate
 from flightapp.planning.race_samples import DURATION, KNOT
 from flightapp.planning.race_step import move, slopes, take_step
@@ -26,6 +26,9 @@ MOST_DAMPING, LEAST_DAMPING = 1e4, 1e-9
 MORE, LESS = 4.0, 0.2
 """Ratios by which damping changes after a step that was cut short, and after one that was not."""
 
+STEP, TRY, REFUSAL = 6, 1, 2
+"""Effort of a step, of each further trial of its length, and of each further damping; one is some 2 µs per segment."""
+
 
 class Parameters(NamedTuple):
     """How to search."""
@@ -36,6 +39,8 @@ class Parameters(NamedTuple):
     """Steps after which to stop as soon as all is kept to, even while there is still time to be gained."""
     steps: int
     """The most steps."""
+    effort: int
+    """The most effort, but for what the last step takes."""
     gap: float
     """Share of the duration to which the duration is to be found."""
     excess: float
@@ -52,7 +57,7 @@ class Parameters(NamedTuple):
     """A violation costs this many times its multiplier."""
 
 
-@inlined
+@fused
 def _room_for_durations(line: Vector, problem: Problem, work: Work, share: float) -> float:
     """As much of ``share`` of the step as leaves each segment some duration."""
     for i in range(line.shape[0] - 1):
@@ -62,7 +67,7 @@ def _room_for_durations(line: Vector, problem: Problem, work: Work, share: float
     return share
 
 
-@inlined
+@fused
 def _promise(work: Work) -> float:
     """What the step promises: twice the descent of the quadratic model."""
     total = 0.0
@@ -72,7 +77,7 @@ def _promise(work: Work) -> float:
     return total
 
 
-@inlined
+@fused
 def _duration(line: Vector) -> float:
     total = 0.0
     for i in range(line.shape[0] - 1):
@@ -80,35 +85,45 @@ def _duration(line: Vector) -> float:
     return total
 
 
-@lean_kernel
+@fused_kernel
 def improve(line: Vector, problem: Problem, parameters: Parameters, work: Work) -> int:
-    """Make ``line`` (n + 1, 13) faster in place; returns the number of steps, negative where the arithmetic failed."""
+    """Make ``line`` (n + 1, 13) faster in place; returns the effort it took, negative where the arithmetic failed.
+
+    The effort counts `STEP`, `TRY` and `REFUSAL` per segment; no step is begun once it exceeds ``parameters.effort``.
+    """
     mu, damping, gap = parameters.barrier, parameters.damping, parameters.gap
     cost = evaluate(line, problem, work.ends, work.samples, work.c)
     count, mu = begin(problem, mu, parameters.least_slack, work)
-    before_last, last = math.inf, math.inf
+    logs = logarithms(work.slack)
+    before_last, last, effort = math.inf, math.inf, 0
     for steps in range(parameters.steps):
+        if effort >= parameters.effort:
+            break
         assemble(line, problem, mu, work)
-        taken = take_step(line, problem, damping, work)
+        taken, refused = take_step(line, problem, damping, work)
+        effort += STEP + REFUSAL * refused
         if taken < 0.0:
-            return -1
+            return -effort
         slopes(line, problem, work)
-        share, dually = change_slacks(problem, mu, work)
+        share, dually = change_slacks(mu, work)
         share = _room_for_durations(line, problem, work, share)
-        merit = cost + price(problem, mu, parameters.weight, dually, work)
+        merit = cost - mu * logs + price(parameters.weight, dually, work)
         tries = 0
         while True:
             move(line, work.step, share, problem, work.tried)
             cost = evaluate(work.tried, problem, work.ends, work.samples, work.tried_c)
-            if cost + tried_merit(problem, mu, share, work) < merit or tries == TRIES:
+            violation = tried_violation(share, work)
+            logs = logarithms(work.tried_slack)
+            if cost - mu * logs + violation < merit or tries == TRIES:
                 break
             share *= 0.5
             tries += 1
-        complementarity, excess = accept(line, problem, mu, dually, work)
+        effort += TRY * tries
+        complementarity, excess = accept(line, mu, dually, work)
         total = _duration(line)
         settled = steps + 1 >= parameters.enough or before_last - total < 0.3 * gap * total
         if settled and complementarity < gap * total and excess < parameters.excess:
-            return steps + 1
+            break
         before_last, last = last, total
         if tries > 0:
             damping = min(MORE * taken, MOST_DAMPING)
@@ -118,4 +133,4 @@ def improve(line: Vector, problem: Problem, parameters: Parameters, work: Work) 
             damping = taken
         if _promise(work) < parameters.settled * count * mu:
             mu = max(parameters.shrink * min(mu, complementarity / count), 0.3 * gap * total / count)
-    return parameters.steps
+    return effort

@@ -18,9 +18,9 @@ GENTLE = 8.0
 """m/s², acceleration from rest at first."""
 SPACING = 0.8
 """m of leg per segment, before a leg is divided into the most segments that it gets."""
-MOST_SEGMENTS = 32
+MOST_SEGMENTS = 24
 """About how many segments a line has at most, as long as each leg has one."""
-FINEST = 4
+FINEST = 3
 """Segments of a leg between gates."""
 SHORT = 0.05
 """m, a leg is counted as at least this long."""

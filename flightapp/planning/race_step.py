@@ -3,18 +3,42 @@
 import math
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined
+from flightapp.jit import fused
 from flightapp.planning.race_blocks import factorise, solve
-from flightapp.planning.race_problem import AREA, BRIEF, CROSSING, KINDS, SLOW, Problem, off_centre, square
-from flightapp.planning.race_samples import BY_ENTRY, DURATION, KNOT, ROWS, SAMPLES, add_drag, sample
-from flightapp.planning.race_terms import first_row, row_count
+from flightapp.planning.race_problem import (
+    AREA,
+    BRIEF,
+    CROSSING,
+    FLOOR,
+    FORCE,
+    KINDS,
+    RATE,
+    SLOW,
+    Problem,
+    off_centre,
+    square,
+)
+from flightapp.planning.race_rows import S
+from flightapp.planning.race_samples import (
+    AT_A,
+    AT_F,
+    AT_J,
+    AT_P,
+    AT_V,
+    BY_ENTRY,
+    DURATION,
+    KNOT,
+    ROWS,
+    add_drag,
+    sample,
+)
 from flightapp.planning.race_work import Work
 
 REFUSALS = 12
 """Times that the damping is raised for one step."""
 
 
-@inlined
+@fused
 def _hold(rows: Vector, columns: Vector, block: Vector) -> None:
     """Zero what of ``block`` (13, 13) belongs to ``rows`` and ``columns`` (13,) of 1."""
     for a in range(KNOT):
@@ -26,7 +50,7 @@ def _hold(rows: Vector, columns: Vector, block: Vector) -> None:
                 block[b, a] = 0.0
 
 
-@inlined
+@fused
 def _damp(line: Vector, problem: Problem, damping: float, work: Work) -> None:
     """Copy the blocks to the factor's place, without fixed variables and with damping on the diagonal.
 
@@ -39,7 +63,7 @@ def _damp(line: Vector, problem: Problem, damping: float, work: Work) -> None:
         for a in range(KNOT):
             held += fixed[a]
             step[a] = work.right[k, a] * (1.0 - fixed[a])
-            for b in range(KNOT):
+            for b in range(a + 1):
                 D[a, b] = source[a, b]
         if held > 0.0:
             _hold(fixed, fixed, D)
@@ -57,13 +81,13 @@ def _damp(line: Vector, problem: Problem, damping: float, work: Work) -> None:
             E, below, after = work.factor_below[k], work.below[k], problem.fixed[k + 1]
             for a in range(KNOT):
                 held += after[a]
-                for b in range(KNOT):
+                for b in range(E.shape[1]):
                     E[a, b] = below[a, b]
             if held > 0.0:
                 _hold(after, fixed, E)
 
 
-@inlined
+@fused
 def move(line: Vector, step: Vector, share: float, problem: Problem, tried: Vector) -> None:
     """Fill ``tried`` with ``line`` moved by ``share`` of ``step``, derivatives of knots along with durations."""
     n = line.shape[0] - 1
@@ -83,7 +107,7 @@ def move(line: Vector, step: Vector, share: float, problem: Problem, tried: Vect
         before = after
 
 
-@inlined
+@fused
 def _crossing_slope(k: int, line: Vector, problem: Problem, step: Vector) -> float:
     v, n = line[k, 3:6], problem.normals[k]
     if square(n) == 0.0:
@@ -95,7 +119,7 @@ def _crossing_slope(k: int, line: Vector, problem: Problem, step: Vector) -> flo
     return total
 
 
-@inlined
+@fused
 def _step_ends(i: int, duration: float, step: Vector, y: Vector) -> None:
     """Fill ``y`` (8, 3) with the scaled ends' change by the step, at a duration that stays."""
     power = 1.0
@@ -106,11 +130,31 @@ def _step_ends(i: int, duration: float, step: Vector, y: Vector) -> None:
         power *= duration
 
 
-@inlined
+@fused
+def _slopes_at_samples(q: Vector, g: Vector, slope: Vector) -> None:
+    """The same at samples that change by ``q``, with the gradients ``g`` (KINDS 6 SAMPLES,), zero where not wanted."""
+    for k in range(S):
+        x, y, z = q[AT_F + k], q[AT_F + S + k], q[AT_F + 2 * S + k]
+        for kind in range(FORCE, FLOOR):
+            row = 6 * S * kind + k
+            slope[kind * S + k] = g[row] * x + g[row + S] * y + g[row + 2 * S] * z
+        row = 6 * S * RATE + 3 * S + k
+        slope[RATE * S + k] += (
+            g[row] * q[AT_J + k] + g[row + S] * q[AT_J + S + k] + g[row + 2 * S] * q[AT_J + 2 * S + k]
+        )
+        x, y, z = q[AT_P + k], q[AT_P + S + k], q[AT_P + 2 * S + k]
+        for kind in range(FLOOR, KINDS):
+            row = 6 * S * kind + k
+            slope[kind * S + k] = g[row] * x + g[row + S] * y + g[row + 2 * S] * z
+        slope[k] = g[k] * q[AT_V + k] + g[S + k] * q[AT_V + S + k] + g[2 * S + k] * q[AT_V + 2 * S + k]
+        slope[S + k] = g[6 * S + k] * q[AT_A + k] + g[7 * S + k] * q[AT_A + S + k] + g[8 * S + k] * q[AT_A + 2 * S + k]
+
+
+@fused
 def slopes(line: Vector, problem: Problem, work: Work) -> None:
     """Fill ``work.slope`` (n + 1, PLACES): how the inequalities change by the step."""
     step, slope, g = work.step, work.slope, work.ends[8]
-    q = work.samples[0:15]
+    q = work.samples
     n = line.shape[0] - 1
     for i in range(n + 1):
         if problem.active[KINDS + 1] != 0.0:
@@ -125,28 +169,18 @@ def slopes(line: Vector, problem: Problem, work: Work) -> None:
         _step_ends(i, duration, step, work.ends)
         sample(BY_ENTRY, duration, work.ends, q)
         add_drag(problem.drag, q)
-        for a in range(ROWS):
-            for k in range(SAMPLES):
-                q[a, k] += longer * work.changes[i, a, k]
-        for kind in range(KINDS):
-            if problem.active[kind] == 0.0:
-                continue
-            place, first = kind * SAMPLES, first_row(kind)
-            change, gradient = slope[i, place : place + SAMPLES], work.gradients[i, kind]
-            for k in range(SAMPLES):
-                change[k] = 0.0
-            for a in range(row_count(kind)):
-                for k in range(SAMPLES):
-                    change[k] += gradient[a, k] * q[first + a, k]
+        for k in range(ROWS * S):
+            q[k] += longer * work.changes[i, k]
+        _slopes_at_samples(q, work.gradients[i], slope[i])
 
 
-@inlined
-def take_step(line: Vector, problem: Problem, damping: float, work: Work) -> float:
-    """Fill ``work.step``; returns the damping that it took, negative if none was enough."""
-    for _ in range(REFUSALS):
+@fused
+def take_step(line: Vector, problem: Problem, damping: float, work: Work) -> tuple[float, int]:
+    """Fill ``work.step``; returns the damping it took, negative if none was enough, and how often it was raised."""
+    for refused in range(REFUSALS):
         _damp(line, problem, damping, work)
         if factorise(work.factor, work.factor_below):
             solve(work.factor, work.factor_below, work.step)
-            return damping
+            return damping, refused
         damping = max(10.0 * damping, 1e-4)
-    return -1.0
+    return -1.0, REFUSALS

@@ -8,7 +8,8 @@ carried over to the ends at once. The second derivatives of samples by the durat
 import math
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined, lean_kernel
+from flightapp.jit import fused, fused_kernel
+from flightapp.planning.race_carry import carry
 from flightapp.planning.race_problem import (
     AREA,
     BRIEF,
@@ -22,15 +23,27 @@ from flightapp.planning.race_problem import (
     out_of_plane,
     square,
 )
+from flightapp.planning.race_rows import (
+    AT_AA,
+    AT_FF,
+    AT_FJ,
+    AT_JJ,
+    AT_MOVED,
+    AT_PP,
+    AT_PULL,
+    AT_VV,
+    S,
+)
 from flightapp.planning.race_samples import (
+    AT_A,
+    AT_F,
+    AT_J,
+    AT_P,
+    AT_V,
     BY_ENTRY,
-    BY_SAMPLE,
     DURATION,
-    ENTRIES,
     KNOT,
-    PLACE_PRODUCTS,
-    PRODUCTS,
-    SAMPLES,
+    ROWS,
     add_drag,
     sample,
     sample_changes,
@@ -41,157 +54,65 @@ from flightapp.planning.race_terms import sum_samples
 from flightapp.planning.race_work import Work
 
 
-@inlined
-def _with_duration(i: int, duration: float, smooth: float, work: Work) -> tuple[float, float]:
-    """Add smoothing, and fill ``work.moved`` with the second derivative by the samples and the duration.
+@fused
+def _times_block(block: int, at: int, s: Vector, change: Vector) -> None:
+    """Add a symmetric block of second derivatives times the change of three rows to `AT_MOVED`."""
+    for k in range(S):
+        x, y, z = change[at + k], change[at + S + k], change[at + 2 * S + k]
+        xy, xz, yz = s[block + S + k], s[block + 2 * S + k], s[block + 4 * S + k]
+        s[AT_MOVED + at + k] += s[block + k] * x + xy * y + xz * z
+        s[AT_MOVED + at + S + k] += xy * x + s[block + 3 * S + k] * y + yz * z
+        s[AT_MOVED + at + 2 * S + k] += xz * x + yz * y + s[block + 5 * S + k] * z
+
+
+@fused
+def _times_mixed(s: Vector, change: Vector) -> None:
+    """The same for the second derivatives by force and its derivative."""
+    for a in range(3):
+        force, jerk, mixed = a * S, AT_MOVED + AT_J + a * S, AT_FJ + 3 * a * S
+        for k in range(S):
+            s[AT_MOVED + AT_F + force + k] += (
+                s[mixed + k] * change[AT_J + k]
+                + s[mixed + S + k] * change[AT_J + S + k]
+                + s[mixed + 2 * S + k] * change[AT_J + 2 * S + k]
+            )
+        for k in range(S):
+            s[jerk + k] += (
+                s[AT_FJ + a * S + k] * change[AT_F + k]
+                + s[AT_FJ + (3 + a) * S + k] * change[AT_F + S + k]
+                + s[AT_FJ + (6 + a) * S + k] * change[AT_F + 2 * S + k]
+            )
+
+
+@fused
+def _with_duration(duration: float, smooth: float, s: Vector, change: Vector) -> tuple[float, float]:
+    """Add smoothing, and fill the rows of the second derivative by the samples and the duration.
 
     Returns the right-hand side of the duration and its second derivative.
     """
-    q, change, H, pull = work.samples[0:15], work.changes[i], work.curvature, work.pull
-    share = smooth / SAMPLES
+    share = smooth / S
     right, bend = -1.0, 0.0
-    for a in range(9, 12):
-        for k in range(SAMPLES):
-            H[a, a, k] += share * duration
-            pull[a, k] += share * duration * q[a, k]
-            right -= 0.5 * share * q[a, k] * q[a, k]
-            bend += share * q[a, k] * change[a, k]
-    for a in range(pull.shape[0]):
-        first, last = (6, 12) if 6 <= a < 12 else (a // 3 * 3, a // 3 * 3 + 3)
-        moved = work.moved[a]
-        for k in range(SAMPLES):
-            moved[k] = share * q[a, k] if 9 <= a < 12 else 0.0
-        for b in range(first, last):
-            block = H[min(a, b), max(a, b)]
-            for k in range(SAMPLES):
-                moved[k] += block[k] * change[b, k]
-        for k in range(SAMPLES):
-            bend += moved[k] * change[a, k]
-            right -= pull[a, k] * change[a, k]
+    for k in range(3 * S):
+        s[AT_PULL + AT_J + k] += share * duration * s[AT_J + k]
+        s[AT_MOVED + AT_J + k] = share * s[AT_J + k]
+        right -= 0.5 * share * s[AT_J + k] * s[AT_J + k]
+        bend += share * s[AT_J + k] * change[AT_J + k]
+    for block in (0, 3, 5):
+        for k in range(S):
+            s[AT_JJ + block * S + k] += share * duration
+    _times_block(AT_PP, AT_P, s, change)
+    _times_block(AT_VV, AT_V, s, change)
+    _times_block(AT_FF, AT_F, s, change)
+    _times_block(AT_JJ, AT_J, s, change)
+    _times_block(AT_AA, AT_A, s, change)
+    _times_mixed(s, change)
+    for k in range(ROWS * S):
+        bend += s[AT_MOVED + k] * change[k]
+        right -= s[AT_PULL + k] * change[k]
     return right, bend
 
 
-@inlined
-def _carry_sums(duration: float, work: Work) -> None:
-    """Fill ``work.totals`` with what the samples' sums are by the scaled ends of the segment."""
-    pull, moved, totals = work.pull, work.moved, work.totals
-    s1 = 1.0 / duration
-    s2, s3 = s1 * s1, s1 * s1 * s1
-    for a in range(totals.shape[1]):
-        right, by_duration = totals[0, a], totals[1, a]
-        for e in range(ENTRIES):
-            right[e] = by_duration[e] = 0.0
-        for k in range(SAMPLES):
-            b = BY_SAMPLE[k]
-            x0, x1, x2, x3 = pull[a, k], s1 * pull[3 + a, k], s2 * pull[6 + a, k], s3 * pull[9 + a, k]
-            z0, z1, z2, z3 = moved[a, k], s1 * moved[3 + a, k], s2 * moved[6 + a, k], s3 * moved[9 + a, k]
-            for e in range(ENTRIES):
-                right[e] -= x0 * b[0, e] + x1 * b[1, e] + x2 * b[2, e] + x3 * b[3, e]
-                by_duration[e] += z0 * b[0, e] + z1 * b[1, e] + z2 * b[2, e] + z3 * b[3, e]
-
-
-@inlined
-def _carry_curvature(duration: float, work: Work) -> None:
-    """Fill ``work.pairs`` with what ``work.curvature`` is by the segment's scaled ends, but for positions and drag."""
-    H = work.curvature
-    s2 = 1.0 / (duration * duration)
-    s4, s5, s6 = s2 * s2, s2 * s2 / duration, s2 * s2 * s2
-    for a in range(work.pairs.shape[0]):
-        for b in range(a, work.pairs.shape[1]):
-            target = work.pairs[a, b]
-            for m in range(ENTRIES * ENTRIES):
-                target[m] = 0.0
-            for k in range(SAMPLES):
-                vv, jj = s2 * H[3 + a, 3 + b, k], s6 * H[9 + a, 9 + b, k]
-                aa = s4 * (H[6 + a, 6 + b, k] + H[12 + a, 12 + b, k])
-                aj, ja = s5 * H[6 + a, 9 + b, k], s5 * H[6 + b, 9 + a, k]
-                products = PRODUCTS[k]
-                for m in range(ENTRIES * ENTRIES):
-                    target[m] += (
-                        vv * products[0, m]
-                        + aa * products[1, m]
-                        + jj * products[2, m]
-                        + aj * products[3, m]
-                        + ja * products[4, m]
-                    )
-
-
-@inlined
-def _carry_drag(duration: float, drag: float, work: Work) -> None:
-    """Add to ``work.pairs`` what ``work.curvature`` is by way of ``drag``: samples depend on lower derivatives, too."""
-    H = work.curvature
-    s1 = 1.0 / duration
-    d1, d2 = drag, drag * drag
-    for a in range(work.pairs.shape[0]):
-        for b in range(a, work.pairs.shape[1]):
-            target = work.pairs[a, b]
-            for k in range(SAMPLES):
-                aa, jj = H[6 + a, 6 + b, k], H[9 + a, 9 + b, k]
-                aj, ja = H[6 + a, 9 + b, k], H[6 + b, 9 + a, k]
-                vv = s1 * s1 * d2 * aa
-                va, av = s1**3 * (d1 * aa + d2 * aj), s1**3 * (d1 * aa + d2 * ja)
-                vj, jv = s1**4 * d1 * aj, s1**4 * d1 * ja
-                more = s1**4 * (d1 * (aj + ja) + d2 * jj)
-                both = s1**5 * d1 * jj
-                products = PRODUCTS[k]
-                for m in range(ENTRIES * ENTRIES):
-                    target[m] += (
-                        vv * products[0, m]
-                        + more * products[1, m]
-                        + both * (products[3, m] + products[4, m])
-                        + va * products[5, m]
-                        + av * products[6, m]
-                        + vj * products[7, m]
-                        + jv * products[8, m]
-                    )
-
-
-@inlined
-def _carry_places(work: Work) -> None:
-    """Add to ``work.pairs`` what concerns positions; it does at few samples."""
-    for a in range(work.pairs.shape[0]):
-        for b in range(a, work.pairs.shape[1]):
-            target = work.pairs[a, b]
-            for k in range(SAMPLES):
-                pp = work.curvature[a, b, k]
-                if pp != 0.0:
-                    for m in range(ENTRIES * ENTRIES):
-                        target[m] += pp * PLACE_PRODUCTS[k, m]
-
-
-@inlined
-def _scatter(i: int, duration: float, work: Work) -> None:
-    """Add the sums of segment ``i`` to the blocks of its two knots."""
-    near, far, below = work.diagonal[i], work.diagonal[i + 1], work.below[i]
-    totals, pairs = work.totals, work.pairs
-    orders, axes = totals.shape[2] // 2, pairs.shape[0]
-    first = 1.0
-    for d in range(orders):
-        for a in range(axes):
-            row = 3 * d + a
-            work.right[i, row] += first * totals[0, a, d]
-            work.right[i + 1, row] += first * totals[0, a, 4 + d]
-            near[DURATION, row] += first * totals[1, a, d]
-            below[row, DURATION] = first * totals[1, a, 4 + d]
-            second = first
-            for f in range(orders):
-                for b in range(axes):
-                    column = 3 * f + b
-                    if b >= a:
-                        block = pairs[a, b]
-                        near[row, column] += second * block[8 * d + f]
-                        far[row, column] += second * block[36 + 8 * d + f]
-                        below[row, column] = second * block[32 + 8 * d + f]
-                    else:
-                        block = pairs[b, a]
-                        near[row, column] += second * block[8 * f + d]
-                        far[row, column] += second * block[36 + 8 * f + d]
-                        below[row, column] = second * block[4 + 8 * f + d]
-                second *= duration
-        first *= duration
-
-
-@inlined
+@fused
 def _at_knot(k: int, line: Vector, problem: Problem, mu: float, work: Work) -> None:
     """Add the inequalities of knot ``k`` and its plane to its block and right-hand side."""
     D, x, g = work.diagonal[k], work.right[k], work.ends[8]
@@ -223,7 +144,7 @@ def _at_knot(k: int, line: Vector, problem: Problem, mu: float, work: Work) -> N
                 D[3 + a, 3 + b] += weight / s * g[a] * g[b] - bend * v[a] * v[b] / (speed * speed)
 
 
-@lean_kernel
+@fused_kernel
 def assemble(line: Vector, problem: Problem, mu: float, work: Work) -> None:
     """Fill ``work``'s blocks and right-hand side at ``line`` (n + 1, 13), for the barrier ``mu``."""
     n = line.shape[0] - 1
@@ -244,16 +165,10 @@ def assemble(line: Vector, problem: Problem, mu: float, work: Work) -> None:
         add_drag(problem.drag, work.samples)
         add_drag(problem.drag, work.changes[i])
         sum_samples(i, problem, mu, work)
-        right, bend = _with_duration(i, duration, problem.smooth, work)
-        take_back(problem.drag, work.pull)
-        take_back(problem.drag, work.moved)
-        _carry_sums(duration, work)
-        _carry_curvature(duration, work)
-        if problem.drag != 0.0:
-            _carry_drag(duration, problem.drag, work)
-        if with_places:
-            _carry_places(work)
-        _scatter(i, duration, work)
+        right, bend = _with_duration(duration, problem.smooth, work.samples, work.changes[i])
+        take_back(problem.drag, work.samples, AT_PULL)
+        take_back(problem.drag, work.samples, AT_MOVED)
+        carry(i, duration, problem.drag, with_places, work)
         s, weight, slope = work.slack[i, BRIEF], work.dual[i, BRIEF], -1.0 / problem.briefest[i]
         work.right[i, DURATION] = right - slope * (mu + weight * (work.c[i, BRIEF] + s)) / s
         work.diagonal[i, DURATION, DURATION] = bend + weight / s * slope * slope

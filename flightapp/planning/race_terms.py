@@ -1,9 +1,12 @@
-"""What the inequalities of a race line contribute at samples: derivatives by position, velocity, acceleration, jerk."""
+"""What the inequalities of a race line contribute at samples: derivatives by position, velocity, acceleration, jerk.
+
+All of it lies in rows of one flat array, so that compilers see that they do not overlap, and work side by side.
+"""
 
 import math
 
 from flightapp.frames import GRAVITY, Vector
-from flightapp.jit import inlined
+from flightapp.jit import fused
 from flightapp.planning.race_problem import (
     ACCELERATION,
     ALONG,
@@ -17,131 +20,184 @@ from flightapp.planning.race_problem import (
     SPEED,
     TILT,
     Problem,
-    at_samples,
+    too_near,
 )
-from flightapp.planning.race_samples import SAMPLES
+from flightapp.planning.race_rows import (
+    AT_AA,
+    AT_AWAY,
+    AT_FF,
+    AT_FJ,
+    AT_FOLDED,
+    AT_JJ,
+    AT_PP,
+    AT_PULL,
+    AT_PUSH,
+    AT_RATIO,
+    AT_VV,
+    S,
+)
+from flightapp.planning.race_samples import AT_A, AT_F, AT_J, AT_P, AT_V
 from flightapp.planning.race_work import Work
 
 
-@inlined
-def first_row(kind: int) -> int:
-    """The first row of samples that an inequality depends on."""
-    if kind == ACCELERATION:
-        return 12
-    return 3 if kind == SPEED else (0 if kind >= FLOOR else 6)
+@fused
+def _weigh(i: int, mu: float, work: Work, s: Vector) -> None:
+    """Fill the rows of ratios and forces."""
+    slack, dual, c = work.slack[i], work.dual[i], work.c[i]
+    for k in range(KINDS * S):
+        inverse = 1.0 / slack[k]
+        s[AT_RATIO + k] = dual[k] * inverse
+        s[AT_PUSH + k] = (mu + dual[k] * (c[k] + slack[k])) * inverse
 
 
-@inlined
-def row_count(kind: int) -> int:
-    """How many rows it depends on."""
-    return 6 if kind == RATE else 3
+@fused
+def _add_square(kind: int, at: int, to: int, limits: tuple[float, float], s: Vector, g: Vector, dual: Vector) -> None:
+    """Fill ``g`` for an inequality that is the square at rows ``at`` times a limit, and add what it contributes.
 
-
-@inlined
-def _differentiate(kind: int, q: Vector, limits: Vector, away: Vector, g: Vector) -> None:
-    """Fill ``g`` (6, SAMPLES) with the derivatives of inequality ``kind`` by its rows of ``q`` (15, SAMPLES)."""
-    limit = limits[kind]
-    if kind >= FLOOR:
-        for a in range(3):
-            for k in range(SAMPLES):
-                g[a, k] = -away[a, k] if kind == CLEARANCE else (-1.0 if a == 2 else 0.0)
-        return
-    first = first_row(kind)
-    lift = 0.0 if kind < FORCE else GRAVITY
-    x, y, z = q[first], q[first + 1], q[first + 2]
-    if kind == RATE:
-        _differentiate_rate(q, limit, g)
-        return
-    for k in range(SAMPLES):
-        scale = 2.0 * limit
-        if kind == LEAST_FORCE:
-            scale = -2.0 / G2
-        elif kind == TILT:
-            up = z[k] + lift
-            scale = limit / (GRAVITY * math.sqrt(x[k] * x[k] + y[k] * y[k] + up * up))
-        g[0, k], g[1, k], g[2, k] = scale * x[k], scale * y[k], scale * (z[k] + lift)
-        if kind == TILT:
-            g[2, k] -= 1.0 / GRAVITY
-
-
-@inlined
-def _differentiate_rate(q: Vector, limit: float, g: Vector) -> None:
-    x, y, z, a, b, c = q[6], q[7], q[8], q[9], q[10], q[11]
-    for k in range(SAMPLES):
-        up = z[k] + GRAVITY
-        force = x[k] * x[k] + y[k] * y[k] + up * up
-        share = (a[k] * x[k] + b[k] * y[k] + c[k] * up) / force
-        scale, lost = 2.0 * limit / G2, ALONG * share
-        fall = 2.0 / G2 - scale * lost * share
-        g[0, k] = -fall * x[k] - scale * lost * a[k]
-        g[1, k] = -fall * y[k] - scale * lost * b[k]
-        g[2, k] = -fall * up - scale * lost * c[k]
-        g[3, k] = scale * (a[k] - lost * x[k])
-        g[4, k] = scale * (b[k] - lost * y[k])
-        g[5, k] = scale * (c[k] - lost * up)
-
-
-@inlined
-def _bend(kind: int, q: Vector, limits: Vector, dual: Vector, weights: Vector, H: Vector) -> None:
-    """Add the second derivative of inequality ``kind`` by the samples, times ``dual`` (SAMPLES,), where it is convex.
-
-    ``weights`` (2, SAMPLES) are scratch.
+    ``limits`` are that and what counts of it in the second derivative. Specific forces have gravity on top.
     """
-    limit = limits[kind]
-    if kind <= FORCE:
-        first = first_row(kind)
-        for a in range(first, first + 3):
-            for k in range(SAMPLES):
-                H[a, a, k] += 2.0 * limit * dual[k]
-    if kind not in (RATE, TILT):
-        return
-    # Both bend as a square across the specific force does, or nearly so.
-    first = 9 if kind == RATE else 6
-    gain, loss = weights[0], weights[1]
-    for k in range(SAMPLES):
-        up = q[8, k] + GRAVITY
-        force = q[6, k] * q[6, k] + q[7, k] * q[7, k] + up * up
-        gain[k] = 2.0 * limit / G2 * dual[k] if kind == RATE else limit / (GRAVITY * math.sqrt(force)) * dual[k]
-        loss[k] = gain[k] * (ALONG if kind == RATE else 1.0) / force
-    for a in range(3):
-        lift_a = GRAVITY if a == 2 else 0.0
-        for k in range(SAMPLES):
-            H[first + a, first + a, k] += gain[k]
-        for b in range(a, 3):
-            lift_b = GRAVITY if b == 2 else 0.0
-            for k in range(SAMPLES):
-                H[first + a, first + b, k] -= loss[k] * (q[6 + a, k] + lift_a) * (q[6 + b, k] + lift_b)
+    limit, bend = limits
+    lift = GRAVITY if at == AT_F else 0.0
+    for k in range(S):
+        ratio, push, own = s[AT_RATIO + kind * S + k], s[AT_PUSH + kind * S + k], 2.0 * bend * dual[kind * S + k]
+        x, y, z = 2.0 * limit * s[at + k], 2.0 * limit * s[at + S + k], 2.0 * limit * (s[at + 2 * S + k] + lift)
+        g[kind * 6 * S + k], g[kind * 6 * S + S + k], g[kind * 6 * S + 2 * S + k] = x, y, z
+        s[AT_PULL + at + k] += push * x
+        s[AT_PULL + at + S + k] += push * y
+        s[AT_PULL + at + 2 * S + k] += push * z
+        s[to + k] += ratio * x * x + own
+        s[to + S + k] += ratio * x * y
+        s[to + 2 * S + k] += ratio * x * z
+        s[to + 3 * S + k] += ratio * y * y + own
+        s[to + 4 * S + k] += ratio * y * z
+        s[to + 5 * S + k] += ratio * z * z + own
 
 
-@inlined
+@fused
+def _by_tilt(limit: float, s: Vector, g: Vector) -> None:
+    for k in range(S):
+        x, y, z = s[AT_F + k], s[AT_F + S + k], s[AT_F + 2 * S + k] + GRAVITY
+        scale = limit / (GRAVITY * math.sqrt(x * x + y * y + z * z))
+        g[TILT * 6 * S + k], g[TILT * 6 * S + S + k] = scale * x, scale * y
+        g[TILT * 6 * S + 2 * S + k] = scale * z - 1.0 / GRAVITY
+
+
+@fused
+def _add_floor(s: Vector, g: Vector) -> None:
+    for k in range(S):
+        g[FLOOR * 6 * S + 2 * S + k] = -1.0
+        s[AT_PULL + AT_P + 2 * S + k] -= s[AT_PUSH + FLOOR * S + k]
+        s[AT_PP + 5 * S + k] += s[AT_RATIO + FLOOR * S + k]
+
+
+@fused
+def _by_clearance(s: Vector, g: Vector) -> None:
+    for k in range(3 * S):
+        g[CLEARANCE * 6 * S + k] = -s[AT_AWAY + k]
+
+
+@fused
+def _add_three(kind: int, row: int, at: int, to: int, s: Vector, g: Vector) -> None:
+    """Add an inequality by three rows, from ``row`` of its gradients: its force, and its square at ``to``."""
+    for k in range(S):
+        ratio, push = s[AT_RATIO + kind * S + k], s[AT_PUSH + kind * S + k]
+        x, y, z = g[row * S + k], g[row * S + S + k], g[row * S + 2 * S + k]
+        s[AT_PULL + at + k] += push * x
+        s[AT_PULL + at + S + k] += push * y
+        s[AT_PULL + at + 2 * S + k] += push * z
+        s[to + k] += ratio * x * x
+        s[to + S + k] += ratio * x * y
+        s[to + 2 * S + k] += ratio * x * z
+        s[to + 3 * S + k] += ratio * y * y
+        s[to + 4 * S + k] += ratio * y * z
+        s[to + 5 * S + k] += ratio * z * z
+
+
+@fused
+def _bend_across(kind: int, to: int, limit: float, s: Vector, dual: Vector) -> None:
+    """Add the second derivative of body rate or tilt: nearly that of a square across the specific force."""
+    for k in range(S):
+        x, y, z = s[AT_F + k], s[AT_F + S + k], s[AT_F + 2 * S + k] + GRAVITY
+        force = x * x + y * y + z * z
+        gain = dual[kind * S + k] * limit * (2.0 / G2 if kind == RATE else 1.0 / (GRAVITY * math.sqrt(force)))
+        loss = gain * (ALONG if kind == RATE else 1.0) / force
+        s[to + k] += gain - loss * x * x
+        s[to + S + k] -= loss * x * y
+        s[to + 2 * S + k] -= loss * x * z
+        s[to + 3 * S + k] += gain - loss * y * y
+        s[to + 4 * S + k] -= loss * y * z
+        s[to + 5 * S + k] += gain - loss * z * z
+
+
+@fused
+def _by_rate(limit: float, s: Vector, g: Vector) -> None:
+    for k in range(S):
+        x, y, up = s[AT_F + k], s[AT_F + S + k], s[AT_F + 2 * S + k] + GRAVITY
+        a, b, c = s[AT_J + k], s[AT_J + S + k], s[AT_J + 2 * S + k]
+        lost = ALONG * (a * x + b * y + c * up) / (x * x + y * y + up * up)
+        scale = 2.0 * limit / G2
+        fall = 2.0 / G2 - scale * lost * lost / ALONG
+        g[RATE * 6 * S + k] = -fall * x - scale * lost * a
+        g[RATE * 6 * S + S + k] = -fall * y - scale * lost * b
+        g[RATE * 6 * S + 2 * S + k] = -fall * up - scale * lost * c
+        g[RATE * 6 * S + 3 * S + k] = scale * (a - lost * x)
+        g[RATE * 6 * S + 4 * S + k] = scale * (b - lost * y)
+        g[RATE * 6 * S + 5 * S + k] = scale * (c - lost * up)
+
+
+@fused
+def _add_rate(s: Vector, g: Vector) -> None:
+    """Add what of the body rate is by acceleration and jerk, both."""
+    for k in range(S):
+        ratio = s[AT_RATIO + RATE * S + k]
+        x, y, z = (
+            ratio * g[RATE * 6 * S + k],
+            ratio * g[RATE * 6 * S + S + k],
+            ratio * g[RATE * 6 * S + 2 * S + k],
+        )
+        a, b, c = g[RATE * 6 * S + 3 * S + k], g[RATE * 6 * S + 4 * S + k], g[RATE * 6 * S + 5 * S + k]
+        s[AT_FJ + k] += x * a
+        s[AT_FJ + S + k] += x * b
+        s[AT_FJ + 2 * S + k] += x * c
+        s[AT_FJ + 3 * S + k] += y * a
+        s[AT_FJ + 4 * S + k] += y * b
+        s[AT_FJ + 5 * S + k] += y * c
+        s[AT_FJ + 6 * S + k] += z * a
+        s[AT_FJ + 7 * S + k] += z * b
+        s[AT_FJ + 8 * S + k] += z * c
+
+
+@fused
 def sum_samples(i: int, problem: Problem, mu: float, work: Work) -> None:
-    """Fill ``work.gradients[i]``, ``work.curvature`` and ``work.pull`` from segment ``i``'s samples and multipliers."""
-    q, away, H, pull = work.samples[0:15], work.samples[15:19], work.curvature, work.pull
-    ratio, force = work.weights[0], work.weights[1]
-    # The number of rows is read from an array, as loops of fixed length are unrolled, which takes seconds to compile.
-    rows = pull.shape[0]
-    for a in range(rows):
-        for k in range(SAMPLES):
-            pull[a, k] = 0.0
-        for b in range(a, rows):
-            for k in range(SAMPLES):
-                H[a, b, k] = 0.0
-    for kind in range(KINDS):
-        if problem.active[kind] == 0.0:
-            continue
-        place, first, count = kind * SAMPLES, first_row(kind), row_count(kind)
-        slack, dual = work.slack[i, place : place + SAMPLES], work.dual[i, place : place + SAMPLES]
-        c, g = work.c[i, place : place + SAMPLES], work.gradients[i, kind]
-        if kind == CLEARANCE:
-            at_samples(kind, q, problem.limits[i], problem.rows, away, ratio)
-        _differentiate(kind, q, problem.limits[i], away, g)
-        _bend(kind, q, problem.limits[i], dual, work.weights, H)
-        for k in range(SAMPLES):
-            ratio[k] = dual[k] / slack[k]
-            force[k] = mu / slack[k] + ratio[k] * (c[k] + slack[k])
-        for a in range(count):
-            for k in range(SAMPLES):
-                pull[first + a, k] += force[k] * g[a, k]
-            for b in range(a, count):
-                for k in range(SAMPLES):
-                    H[first + a, first + b, k] += ratio[k] * g[a, k] * g[b, k]
+    """Fill ``work.gradients[i]`` and the rows of sums in ``work.samples`` from segment ``i``'s samples and multipliers.
+
+    Second derivatives of the inequalities count where they are convex.
+    """
+    s, g, dual, active, limits = work.samples, work.gradients[i], work.dual[i], problem.active, problem.limits[i]
+    for k in range(AT_PULL, AT_FOLDED):
+        s[k] = 0.0
+    _weigh(i, mu, work, s)
+    if active[SPEED] != 0.0:
+        _add_square(SPEED, AT_V, AT_VV, (limits[SPEED], limits[SPEED]), s, g, dual)
+    if active[ACCELERATION] != 0.0:
+        _add_square(ACCELERATION, AT_A, AT_AA, (limits[ACCELERATION], limits[ACCELERATION]), s, g, dual)
+    if active[FORCE] != 0.0:
+        _add_square(FORCE, AT_F, AT_FF, (limits[FORCE], limits[FORCE]), s, g, dual)
+    if active[LEAST_FORCE] != 0.0:
+        _add_square(LEAST_FORCE, AT_F, AT_FF, (-1.0 / G2, 0.0), s, g, dual)
+    if active[RATE] != 0.0:
+        _by_rate(limits[RATE], s, g)
+        _add_three(RATE, 6 * RATE, AT_F, AT_FF, s, g)
+        _add_three(RATE, 6 * RATE + 3, AT_J, AT_JJ, s, g)
+        _add_rate(s, g)
+        _bend_across(RATE, AT_JJ, limits[RATE], s, dual)
+    if active[TILT] != 0.0:
+        _by_tilt(limits[TILT], s, g)
+        _add_three(TILT, 6 * TILT, AT_F, AT_FF, s, g)
+        _bend_across(TILT, AT_FF, limits[TILT], s, dual)
+    if active[FLOOR] != 0.0:
+        _add_floor(s, g)
+    if active[CLEARANCE] != 0.0:
+        too_near(s, problem.rows, work.ends)
+        _by_clearance(s, g)
+        _add_three(CLEARANCE, 6 * CLEARANCE, AT_P, AT_PP, s, g)

@@ -6,6 +6,7 @@ import numpy as np
 
 from flightapp.frames import Vector
 from flightapp.planning.race_problem import KINDS, PLACES
+from flightapp.planning.race_rows import COLUMNS, LENGTH
 from flightapp.planning.race_samples import ENTRIES, KNOT, ROWS, SAMPLES
 
 
@@ -13,25 +14,21 @@ class Work(NamedTuple):
     """Room for the numbers of one solution with n segments."""
 
     ends: Vector
-    """(9, 3) scaled ends of a segment, and a vector."""
+    """(11, 3) scaled ends of a segment, and three vectors."""
     samples: Vector
-    """(20, SAMPLES) samples, directions away from obstacles."""
+    """(LENGTH,) rows of one segment's samples and of their sums."""
     changes: Vector
-    """(n + 1, 15, SAMPLES) the samples' derivatives by the duration."""
-    pull: Vector
-    """(15, SAMPLES) right-hand side by the samples."""
-    moved: Vector
-    """(15, SAMPLES) second derivative by the samples and the duration."""
-    weights: Vector
-    """(2, SAMPLES)."""
-    curvature: Vector
-    """(15, 15, SAMPLES) second derivative by the samples: upper halves of the blocks 0 : 3 : 6 : 12 : 15."""
+    """(n + 1, 15 SAMPLES) the samples' derivatives by the duration."""
     gradients: Vector
-    """(n + 1, KINDS, 6, SAMPLES) of the inequalities, from their first row on."""
+    """(n + 1, KINDS 6 SAMPLES) of the inequalities, from their first row on."""
+    carried: Vector
+    """(4 SAMPLES COLUMNS,) second derivative by samples, by order of derivative, and scaled entries."""
     pairs: Vector
-    """(3, 3, 64) second derivative by scaled entries, between axes b >= a."""
+    """(ENTRIES COLUMNS,) by two scaled entries: by the first, the pair of axes xx to zz, the second."""
     totals: Vector
     """(2, 3, 8) right-hand side by scaled entries, second derivative by them and the duration."""
+    powers: Vector
+    """(7,) of a segment's duration."""
     diagonal: Vector
     """(n + 1, 13, 13) blocks on the diagonal, lower triangles."""
     below: Vector
@@ -62,25 +59,27 @@ class Work(NamedTuple):
     """(n + 1, PLACES) what a violation costs."""
     tried_slack: Vector
     """(n + 1, PLACES) those of `tried`."""
+    counted: Vector
+    """(2, PLACES) 1 where inequalities are wanted: of a segment, of the last knot."""
 
 
 def room(n: int) -> Work:
     """For a line of ``n`` segments."""
     sizes = (
         (
-            (9, 3),
-            (20, SAMPLES),
-            (n + 1, ROWS, SAMPLES),
-            (ROWS, SAMPLES),
-            (ROWS, SAMPLES),
-            (2, SAMPLES),
-            (ROWS, ROWS, SAMPLES),
-            (n + 1, KINDS, 6, SAMPLES),
+            (11, 3),
+            (LENGTH,),
+            (n + 1, ROWS * SAMPLES),
+            (n + 1, KINDS * 6 * SAMPLES),
+            (4 * SAMPLES * COLUMNS,),
+            (ENTRIES * COLUMNS,),
+            (2, 3, ENTRIES),
+            (7,),
         )
-        + ((3, 3, ENTRIES * ENTRIES), (2, 3, ENTRIES))
         + ((n + 1, KNOT, KNOT), (n, KNOT, KNOT)) * 2
         + ((n + 1, KNOT),) * 3
     )
     inactive = (-1.0, -1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     arrays = [np.zeros(size) for size in sizes] + [np.full((n + 1, PLACES), value) for value in inactive]
+    arrays.append(np.zeros((2, PLACES)))
     return Work._make(arrays)

@@ -21,7 +21,7 @@ _GATE_FIELDS = {
     "surveyed": -1,
 }
 _DRIFT_FIELDS = {"stamp": 0, "translation": 3, "yaw": 0, "covariance": 16}
-_MARKER_FIELDS = {"marker_id": -1, "corners": 8}
+_MARKER_FIELDS = {"marker_id": -1, "corners": 8, "quality": 0}
 _SIGHTING_FIELDS = {
     **{"stamp": 0, "gate_id": -1, "position": 3, "orientation": 4, "covariance": 36, "markers": -1},
     "reprojection": 0,
@@ -92,7 +92,10 @@ def _encode_sightings(m: Sightings) -> bytes:
     parts = [_SEEN_HEAD.pack(t[0], m.stamp, t[1], m.sequence)]
     t = _MARKER.tags
     for marker in m.markers:
-        parts += (_MARKER_PREFIX, _MARKER.pack(t[0], marker.marker_id, t[1], *marker.corners.ravel().tolist()))
+        parts += (
+            _MARKER_PREFIX,
+            _MARKER.pack(t[0], marker.marker_id, t[1], *marker.corners.ravel().tolist(), t[2], marker.quality),
+        )
     for gate in m.gates:
         parts += _encode_sighting(gate)
     return b"".join(parts)
@@ -122,7 +125,9 @@ def _sighting(m: Any) -> GateSighting:
 
 
 def _sightings(m: Any) -> Sightings:
-    markers = tuple(MarkerDetection(marker.marker_id, _array(marker.corners, 4, 2)) for marker in m.markers)
+    markers = tuple(
+        MarkerDetection(marker.marker_id, _array(marker.corners, 4, 2), marker.quality) for marker in m.markers
+    )
     return Sightings(m.stamp, m.sequence, markers, tuple(map(_sighting, m.gates)))
 
 

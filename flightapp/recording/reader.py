@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, breakup_chunk
 
-from flightapp.evaluation.flight import Commands, Flight, Motions, Poses, Setpoints, States
+from flightapp.evaluation.flight import Commands, Flight, Inertial, Motions, Poses, Setpoints, States
 from flightapp.inputs import BadInputError
 from flightapp.messages import (
     AutopilotStatus,
@@ -31,6 +31,7 @@ from flightapp.messages import (
     GateMap,
     GatePassage,
     GroundTruth,
+    ImuSample,
     PlanReport,
     PoseSample,
     ProcessLoad,
@@ -168,6 +169,7 @@ class _Contents:
             self._messages(Collision),
             self._messages(CommandArrivals),
             self._messages(ProcessLoad),
+            self._columns(ImuSample, Inertial),
         )
 
     def _columns(self, kind: type, columns: type) -> Any:

@@ -6,6 +6,7 @@ array to read. Any protobuf reader can decode the result with the schema in the 
 https://protobuf.dev/programming-guides/encoding/.
 """
 
+import math
 import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from flightapp.messages import GroundTruth, PoseSample, RateCommand, Setpoint, VehicleState
+from flightapp.messages import GroundTruth, ImuSample, PoseSample, RateCommand, Setpoint, VehicleState
 
 PACKAGE = "flightapp"
 _FIXED64, _LENGTH, _FIXED32 = 1, 2, 5
@@ -105,14 +106,16 @@ class Fixed:
 
 
 _MOTION = {"stamp": 0, "position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3}
-_POSE = Layout("PoseSample", {**_MOTION, "confidence": -1})
-_STATE = Layout("VehicleState", {**_MOTION, "variance": 9})
+_POSE = Layout("PoseSample", {**_MOTION, "confidence": -1, "acceleration": 3, "epoch": -1})
+_STATE = Layout("VehicleState", {**_MOTION, "variance": 9, "doubtful": -1})
 _TRUTH = Layout("GroundTruth", _MOTION)
 _SETPOINT = Layout(
     "Setpoint",
     {"stamp": 0, "position": 3, "velocity": 3, "acceleration": 3, "jerk": 3, "yaw": 0, "yaw_rate": 0},
 )
+_IMU = Layout("ImuSample", {"stamp": 0, "specific_force": 3, "angular_velocity": 3})
 _COMMAND = Layout("RateCommand", {"stamp": 0, "rates": 3, "thrust": 0})
+_UNKNOWN = (math.nan,) * 3
 
 
 def _encode_pose(m: PoseSample) -> bytes:
@@ -120,6 +123,7 @@ def _encode_pose(m: PoseSample) -> bytes:
     return _POSE.pack(
         *(t[0], m.stamp, t[1], *m.position.tolist(), t[2], *m.orientation.tolist()),
         *(t[3], *m.velocity.tolist(), t[4], *m.angular_velocity.tolist(), t[5], m.confidence),
+        *(t[6], *(_UNKNOWN if m.acceleration is None else m.acceleration.tolist()), t[7], m.epoch),
     )
 
 
@@ -128,6 +132,7 @@ def _encode_state(m: VehicleState) -> bytes:
     return _STATE.pack(
         *(t[0], m.stamp, t[1], *m.position.tolist(), t[2], *m.orientation.tolist()),
         *(t[3], *m.velocity.tolist(), t[4], *m.angular_velocity.tolist(), t[5], *m.covariance.diagonal().tolist()),
+        *(t[6], m.doubt != ""),
     )
 
 
@@ -147,6 +152,11 @@ def _encode_setpoint(m: Setpoint) -> bytes:
     )
 
 
+def _encode_imu(m: ImuSample) -> bytes:
+    t = _IMU.tags
+    return _IMU.pack(t[0], m.stamp, t[1], *m.specific_force.tolist(), t[2], *m.angular_velocity.tolist())
+
+
 def _encode_command(m: RateCommand) -> bytes:
     t = _COMMAND.tags
     return _COMMAND.pack(t[0], m.stamp, t[1], *m.rates.tolist(), t[2], m.thrust)
@@ -157,6 +167,10 @@ FIXED: Mapping[type, Fixed] = {
     VehicleState: Fixed(_STATE, _encode_state),
     GroundTruth: Fixed(_TRUTH, _encode_truth),
     Setpoint: Fixed(_SETPOINT, _encode_setpoint),
+    ImuSample: Fixed(_IMU, _encode_imu),
     RateCommand: Fixed(_COMMAND, _encode_command),
 }
-"""Every message type that is written this way. Of a state's covariance only the diagonal is kept (variance)."""
+"""Every message type that is written this way.
+
+Of a state's covariance only the diagonal is kept (variance), and of its doubt whether there is any: events tell why.
+"""

@@ -19,7 +19,7 @@ from flightapp.recording.records import RECORDS, TrueGates, encode, json_schema
 from flightapp.recording.view import View
 from flightapp.recording.wire import FIXED, PACKAGE, Encode
 
-PROFILE = "flightapp/2"
+PROFILE = "flightapp/3"
 """The MCAP profile: the application and the version of the format."""
 HEADER = "flight"
 """The name of the metadata records that hold the header."""

@@ -11,80 +11,89 @@ import numpy as np
 
 from flightapp.messages import PoseSample
 from flightapp.sensors.address import forget, listen
+from flightapp.sensors.intake import PoseIntake
 
 POSE_RECORD = np.dtype(
     [
+        ("magic", "S4"),
+        ("version", "<u2"),
+        ("confidence", "<u2"),
+        ("epoch", "<u8"),
         ("stamp", "<f8"),
         ("position", "<f8", 3),
         ("orientation", "<f8", 4),
         ("velocity", "<f8", 3),
         ("angular_velocity", "<f8", 3),
-        ("confidence", "<u4"),
+        ("acceleration", "<f8", 3),
     ]
 )
-"""One datagram, 116 bytes without padding: a `PoseSample` with the time of capture by CLOCK_MONOTONIC in s.
+"""One datagram, 152 bytes without padding, little-endian: a `PoseSample`.
 
-Position in m and velocity in m/s in the tracker's frame (z up), orientation as the unit quaternion w, x, y, z from body
-(FLU) to that frame, angular velocity in rad/s in the body frame, confidence 0 (failed) to 3 (high).
+`MAGIC` and `VERSION`; confidence 0 (failed) to 3 (high); epoch, any number that changes whenever the tracker's frame
+has moved (it was started again, or has relocalised and knows it), else 0; time of capture by CLOCK_MONOTONIC in s;
+position in m in the tracker's frame (z up); orientation as the unit quaternion w, x, y, z from the tracker's body
+(forward, left, up) to that frame; velocity in m/s in that frame; angular velocity in rad/s in the tracker's body;
+acceleration in m/s² in the tracker's frame, without gravity, three NaN where it is not known.
 """
-NUMBERS = 14
+MAGIC, VERSION = b"POSE", 2
+UNMARKED = 116
+"""Bytes of a record of version 1, which had no magic and no acceleration."""
+HEAD, NUMBERS = 16, 17
+"""Bytes before the stamp; numbers from there on."""
 MAX_CONFIDENCE = 3
-UNIT = 1e-3
-"""By how much the length of a quaternion may differ from 1."""
-AHEAD = 0.005
-"""s, a stamp further in the future than this is not believed."""
+UNKNOWN = (math.nan,) * 3
 BURST = 512
 """Datagrams taken at once, so that a flood of them holds nothing up for long."""
 
 
 @dataclass(slots=True)
-class PoseCounts:
-    """What became of the datagrams that arrived."""
+class DatagramCounts:
+    """What became of the datagrams that arrived, besides what the intake counts."""
 
     delivered: int = 0
     skipped: int = 0
     """Good, but a newer one was there before anybody had asked."""
     malformed: int = 0
-    """Of the wrong length, or with a confidence or a quaternion that is none."""
-    not_finite: int = 0
-    stale: int = 0
-    """Too old, out of order, repeated, or from the future."""
+    """No `POSE_RECORD`: of another length, without its magic, or with a confidence that is none."""
+    other_version: int = 0
+    """Records of a sender that is older, or newer, than this program."""
 
 
 def encode_pose(sample: PoseSample, origin: float) -> bytes:
     """``sample`` as a `POSE_RECORD`; ``origin`` is CLOCK_MONOTONIC (s) when the stamps' clock showed 0."""
     record = np.empty((), POSE_RECORD)
+    record["magic"], record["version"] = MAGIC, VERSION
+    record["confidence"], record["epoch"] = sample.confidence, sample.epoch
     record["stamp"] = sample.stamp + origin
     record["position"], record["orientation"] = sample.position, sample.orientation
     record["velocity"], record["angular_velocity"] = sample.velocity, sample.angular_velocity
-    record["confidence"] = sample.confidence
+    record["acceleration"] = UNKNOWN if sample.acceleration is None else sample.acceleration
     return record.tobytes()
 
 
 class SocketPoses:
-    """A source of poses that other processes send, each a datagram as `POSE_RECORD` says.
+    """A source of poses that other processes send, each a datagram as `POSE_RECORD` says, through an ``intake``.
 
-    Only the newest sample waits. What is malformed, not finite, out of order or older than ``max_age`` (s) on arrival
-    is counted and refused. Stamps become the event loop's time. Owns the ``receiver``.
+    Only the newest sample waits. Stamps become the event loop's time. Owns the ``receiver``.
     """
 
-    def __init__(self, receiver: socket.socket, max_age: float) -> None:
+    def __init__(self, receiver: socket.socket, intake: PoseIntake) -> None:
         receiver.setblocking(False)
         self._receiver = receiver
-        self._max_age = max_age
+        self.intake = intake
+        """Counts what was refused."""
         self._origin = time.monotonic() - asyncio.get_running_loop().time()
         # One byte more than a record, to tell a longer datagram from it.
         self._buffer = bytearray(POSE_RECORD.itemsize + 1)
-        self._last = -math.inf
         self._newest: PoseSample | None = None
         self._arrived = asyncio.Event()
-        self.counts = PoseCounts()
+        self.counts = DatagramCounts()
         """What became of the datagrams so far."""
 
     @classmethod
-    def at(cls, address: str, max_age: float) -> "SocketPoses":
+    def at(cls, address: str, intake: PoseIntake) -> "SocketPoses":
         """Listen at ``address``, a path or HOST:PORT of this computer; raises `BadInputError`."""
-        return cls(listen(address), max_age)
+        return cls(listen(address), intake)
 
     async def poses(self) -> AsyncIterator[PoseSample]:
         """The newest sample each time; what arrived between is skipped. For one consumer."""
@@ -115,31 +124,27 @@ class SocketPoses:
                 length = self._receiver.recv_into(self._buffer)
             except OSError:  # empty, or the sender's end was closed
                 break
-            sample = self._decode(length, now)
+            measured = self._decode(length)
+            sample = None if measured is None else self.intake.take(measured, now)
             if sample is None:
                 continue
             if self._newest is not None:
                 self.counts.skipped += 1
-            self._last, self._newest = sample.stamp, sample
+            self._newest = sample
         if self._newest is not None:
             self._arrived.set()
 
-    def _decode(self, length: int, now: float) -> PoseSample | None:
-        counts = self.counts
-        if length != POSE_RECORD.itemsize:
+    def _decode(self, length: int) -> PoseSample | None:
+        data, counts = self._buffer, self.counts
+        marked = length > HEAD and data.startswith(MAGIC)
+        if length == UNMARKED or (marked and int.from_bytes(data[4:6], "little") != VERSION):
+            counts.other_version += 1
+            return None
+        confidence = int.from_bytes(data[6:8], "little")
+        if length != POSE_RECORD.itemsize or not marked or confidence > MAX_CONFIDENCE:
             counts.malformed += 1
             return None
-        numbers = np.frombuffer(self._buffer, "<f8", NUMBERS).astype(np.float64)
-        if not math.isfinite(sum(numbers.tolist())):
-            counts.not_finite += 1
-            return None
-        confidence = int.from_bytes(self._buffer[8 * NUMBERS : 8 * NUMBERS + 4], "little")
-        q = numbers[4:8]
-        if confidence > MAX_CONFIDENCE or abs(math.sqrt(q @ q) - 1.0) > UNIT:
-            counts.malformed += 1
-            return None
-        stamp = float(numbers[0]) - self._origin
-        if not max(self._last, now - self._max_age) < stamp <= now + AHEAD:
-            counts.stale += 1
-            return None
-        return PoseSample(stamp, numbers[1:4], q, numbers[8:11], numbers[11:14], confidence)
+        n = np.frombuffer(data, "<f8", NUMBERS, HEAD).astype(np.float64)
+        told = None if np.isnan(n[14:]).all() else n[14:]
+        epoch = int.from_bytes(data[8:HEAD], "little")
+        return PoseSample(float(n[0]) - self._origin, n[1:4], n[4:8], n[8:11], n[11:14], confidence, told, epoch)

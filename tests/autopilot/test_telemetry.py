@@ -101,6 +101,12 @@ def test_odometry_in_ned_becomes_flu():
     np.testing.assert_allclose(sample.angular_velocity, (0.1, -0.2, -0.3))
 
 
+def test_resets_of_the_autopilots_estimate_are_epochs():
+    assert odometry(7.0, STILL).epoch == 0
+    assert odometry(7.0, STILL | {"reset_counter": 4}).epoch == 4
+    assert odometry(7.0, STILL | {"reset_counter": None}).epoch == 0
+
+
 def test_odometry_with_body_velocity_is_turned():
     w, x, y, z = quat_from_euler(0.0, 0.0, 0.5 * math.pi)  # facing left: west in NED
     sample = odometry(7.0, STILL | {"q": [w, x, -y, -z], "child_frame_id": 12, "vx": 1.0, "vy": 0.0, "vz": 0.0})

@@ -204,7 +204,7 @@ def test_race_counts_gates_and_ends_at_the_finish():
 
 
 def test_race_notices_a_gate_that_was_missed():
-    context = airborne()
+    context = airborne(race__attempts=1)
     context.bus.gate_map.publish(gate_map())
     result = fly(context, Race(context, 1, FINISH), lambda t: (4.0 * t, 1.2, 1.5), [planned(context, FINISH)])
     assert result.outcome is Outcome.WRONG_PROGRESS

@@ -1,7 +1,6 @@
 """Finding markers in drawn pictures, whole and by regions."""
 
 from functools import lru_cache
-from importlib.metadata import entry_points
 
 import cv2
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from marker_scenes import Scene, draw
 from perception_cases import config, track
 
-from flightapp.interfaces import Detector
 from flightapp.messages import Frame, MarkerDetection
 from flightapp.perception.aruco import ArucoDetector
 
@@ -81,42 +79,6 @@ def test_every_turn_of_a_marker_gives_its_own_corners() -> None:
             assert np.abs(marker.corners - corners).max() < 0.5
 
 
-def test_images_of_any_layout_are_read() -> None:
-    grey = scene(30, 0).image
-    expected = aruco().detect(frame(grey), None)
-    assert len(expected) == len(IDS)
-    frozen = grey.copy()
-    frozen.flags.writeable = False
-    strided = np.zeros((2 * SMALL[0], 2 * SMALL[1]), np.uint8)
-    strided[::2, ::2] = grey
-    for image in (
-        frozen,
-        strided[::2, ::2],
-        np.asfortranarray(grey),
-        grey[:, :, None],
-        cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR),
-        cv2.cvtColor(grey, cv2.COLOR_GRAY2BGRA)[:, :, :],
-        np.repeat(grey[:, :, None], 6, axis=2)[:, :, ::2],
-    ):
-        before = image.copy()
-        found = aruco().detect(frame(image), None)
-        assert [marker.marker_id for marker in found] == list(IDS)
-        assert all(np.array_equal(a.corners, b.corners) for a, b in zip(found, expected, strict=True))
-        assert np.array_equal(image, before)
-
-
-@pytest.mark.parametrize("shape", [(0, 0), (1, 1), (3, 640), (17, 33), (479, 641)])
-def test_odd_sizes_are_no_trouble(shape: tuple[int, int]) -> None:
-    noise = np.random.default_rng(1).integers(0, 255, shape).astype(np.uint8)
-    assert aruco().detect(frame(noise), None) == ()
-
-
-@pytest.mark.parametrize("image", [np.zeros((48, 64)), np.zeros((48, 64, 2), np.uint8), np.zeros(64, np.uint8)])
-def test_what_is_no_image_is_refused(image: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="must be bytes"):
-        aruco().detect(frame(image), None)
-
-
 def test_clutter_and_foreign_markers_are_not_mistaken() -> None:
     for seed in range(3):
         foreign = draw(seed, 25.0, 2.0, ids=tuple(range(20 + 6 * seed, 26 + 6 * seed)), shape=SMALL, clutter=40.0)
@@ -130,23 +92,42 @@ def test_other_dictionaries_are_read() -> None:
     assert corner_rms(found, picture) < 0.2
 
 
-def test_a_frame_without_an_image_passes_on_the_cameras_own_markers() -> None:
-    quad = np.array([[1.0, 1.0], [9.0, 1.0], [9.0, 9.0], [1.0, 9.0]])
-    known, unknown = MarkerDetection(3, quad), MarkerDetection(8, quad)
-    elsewhere = [np.array([100.0, 100.0, 120.0, 120.0])]
-    assert aruco().detect(frame(None, (known, unknown)), elsewhere) == (known,)
+def test_codes_that_differ_by_a_bit_or_two_are_not_mistaken() -> None:
+    """Markers of the larger dictionary of the same kind are as near to ours as any can be."""
+    large = cv2.aruco.DICT_4X4_1000
+    ours = [cv2.aruco.getPredefinedDictionary(large).generateImageMarker(n, 6) for n in range(50)]
+    nearest = sorted(
+        range(50, 1000),
+        key=lambda n: min(
+            int((np.rot90(cv2.aruco.getPredefinedDictionary(large).generateImageMarker(n, 6), r) != code).sum())
+            for r in range(4)
+            for code in ours[: len(IDS)]
+        ),
+    )
+    for blur in (0.0, 2.0):
+        decoys = draw(20400, 30.0, blur, tuple(nearest[:12]), dictionary=large)
+        assert aruco().detect(frame(decoys.image), None) == ()
 
 
-@pytest.mark.parametrize("entry", entry_points(group="flightapp.detectors"), ids=lambda entry: entry.name)
-def test_every_detector_keeps_the_contract(entry: object) -> None:
-    detector: Detector = entry.load()(config(), TRACK)
+def test_doubtful_readings_are_believed_where_markers_are_expected_alone() -> None:
+    """The larger blur smears cells of 2.5 px over each other."""
+    expected, anywhere = 0, 0
+    for seed in range(20410, 20420):
+        picture = draw(seed, 15.0, 4.5, IDS, SMALL)
+        boxes = [np.r_[quad.min(axis=0) - 20.0, quad.max(axis=0) + 20.0] for quad in picture.corners.values()]
+        known = aruco().detect(frame(picture.image), boxes)
+        sure = aruco().detect(frame(picture.image), None)
+        assert all(marker.quality >= 0.78 for marker in sure)
+        expected, anywhere = expected + len(known), anywhere + len(sure)
+    assert expected > anywhere > 0
+
+
+@pytest.mark.parametrize("margin", [1, 3])
+def test_markers_at_the_images_border_are_found(margin: int) -> None:
     picture = scene(30, 0)
-    markers = tuple(MarkerDetection(n, picture.corners[n % 6]) for n in (*IDS, 49))
-    whole = np.array([-50.0, -50.0, 1000.0, 1000.0])
-    for regions in (None, [whole], [whole, whole]):
-        found = detector.detect(frame(picture.image, markers), regions)
-        assert [marker.marker_id for marker in found] == list(IDS)
-        assert corner_rms(found, picture) < 0.2
-        assert all(marker.corners.shape == (4, 2) for marker in found)
-    assert detector.detect(frame(None), None) == ()
-    assert detector.detect(frame(np.zeros(SMALL, np.uint8)), []) == ()
+    for marker_id, quad in picture.corners.items():
+        x0, y0 = np.floor(quad.min(axis=0)).astype(int) - margin
+        x1, y1 = np.ceil(quad.max(axis=0)).astype(int) + margin + 1
+        found = aruco().detect(frame(picture.image[y0:y1, x0:x1]), None)
+        assert [marker.marker_id for marker in found] == [marker_id]
+        assert np.abs(found[0].corners + np.array([x0, y0]) - quad).max() < 1.0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightapp.messages import GateEstimate
-from flightapp.planning.course import EXIT_RUN, course, horizontal_sigma, is_known
+from flightapp.planning.course import EXIT_RUN, KNOWN_YAW, course, horizontal_sigma, is_known
 
 START = np.array((0.0, 0.0, 1.0))
 FINISH = np.array((30.0, 0.0, 1.0))
@@ -43,6 +43,30 @@ def test_known_gates_beyond_the_horizon_are_left_for_later():
     assert leg.following is leg.beyond is gates[3]
     assert leg.end == pytest.approx((36.0, 0.0, 1.5))
     assert course(gates[2:], START, FINISH, 0.3, 4.0, 3).following is None
+
+
+def test_where_nothing_is_known_of_the_next_gate_the_course_ends_looking_out_of_the_last():
+    known = gate(1, 10.0, yaw=math.pi / 2)
+    leg = course([known, None, gate(3, 25.0)], START, FINISH, 0.3, 4.0, 8)
+    assert leg.gates == (known,)
+    assert leg.blind
+    assert leg.following is None
+    assert leg.end == pytest.approx((10.0, EXIT_RUN, 1.5))
+
+
+def test_with_no_gate_known_at_all_there_is_nowhere_to_go():
+    leg = course([None, gate(2, 20.0)], START, FINISH, 0.3, 4.0, 8)
+    assert leg.gates == ()
+    assert leg.blind
+    assert leg.end == pytest.approx(START)
+
+
+def test_a_gate_is_not_flown_through_before_its_direction_is_known():
+    vague = gate(1, 10.0)
+    vague.covariance[3, 3] = (KNOWN_YAW + 0.01) ** 2
+    assert not is_known(vague, 0.3)
+    vague.covariance[3, 3] = (KNOWN_YAW - 0.01) ** 2
+    assert is_known(vague, 0.3)
 
 
 def test_near_the_unknown_first_gate_the_drone_stays_where_it_is():

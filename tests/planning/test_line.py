@@ -9,7 +9,6 @@ import pytest
 from flightapp.messages import GateEstimate
 from flightapp.planning.line import Line, SpliceError
 from flightapp.planning.passage import crossing
-from flightapp.planning.scan import heading, yaw_scan
 from flightapp.trajectory import hover
 
 
@@ -145,22 +144,6 @@ def test_a_cleared_line_has_nothing_to_follow():
     assert line.latest is None
     with pytest.raises(LookupError):
         line.motion(1.0)
-
-
-def test_a_scan_sees_both_sides_at_its_rate_and_starts_without_a_jump():
-    scan = yaw_scan(0.0, np.array((1.0, 2.0, 3.0)), yaw=0.2, centre=0.5, half_width=1.0, yaw_rate=0.8)
-    samples = scan.sample(np.linspace(0.0, scan.duration, 2000))
-    assert samples.yaw[0] == pytest.approx(0.2)
-    assert samples.yaw[-1] == pytest.approx(0.5)
-    assert samples.yaw.max() == pytest.approx(1.5, abs=1e-3)
-    assert samples.yaw.min() == pytest.approx(-0.5, abs=1e-3)
-    assert np.abs(samples.yaw_rate).max() <= 0.8 + 1e-9
-    assert np.abs(np.diff(samples.yaw)).max() < 0.02
-    assert np.array_equal(samples.position[777], (1.0, 2.0, 3.0))
-
-
-def test_heading_points_at_the_target():
-    assert heading(np.zeros(3), np.array((-1.0, 1.0, 5.0))) == pytest.approx(3 * math.pi / 4)
 
 
 GATE = GateEstimate(1, np.array((5.0, 0.0, 1.5)), 0.0, np.zeros((4, 4)), 9, 0.0)

@@ -8,6 +8,7 @@ import pytest
 from flightapp.config import load_config
 from flightapp.interfaces import Limits
 from flightapp.messages import Drift, GateEstimate, GateMap
+from flightapp.planning.course import EXIT_RUN
 from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import FROZEN, Navigator
@@ -60,6 +61,30 @@ def flying():
     assert request is not None
     fly(navigator, line, goal, request, straight(request.stamp, (1, 2), (2.0, 4.0)))
     return navigator, goal, known, line, request
+
+
+def test_nothing_is_planned_while_the_next_gate_is_nowhere_in_the_map():
+    line = Line()
+    line.accept(hover(0.0, np.array((0.0, 0.0, 1.5)), 0.0))
+    navigator, goal = Navigator(CONFIG, TRACK), Goal(FINISH, LIMITS, gate_ids=(1, 2), serial=1)
+    assert navigator.request(1.0, goal, None, line) is None
+    assert navigator.request(1.0, goal, gate_map(), line) is None
+    assert navigator.request(1.0, goal, gate_map(gate(2, 16.0)), line) is None
+
+
+def test_a_gate_that_appears_in_the_map_is_planned_for():
+    line = Line()
+    line.accept(hover(0.0, np.array((0.0, 0.0, 1.5)), 0.0))
+    navigator, goal = Navigator(CONFIG, TRACK), Goal(FINISH, LIMITS, gate_ids=(1, 2), serial=1)
+    first = navigator.request(0.0, goal, gate_map(gate(1, 8.0)), line)
+    assert first is not None
+    assert first.end == pytest.approx((8.0 + EXIT_RUN, 0.0, 1.5))
+    fly(navigator, line, goal, first, straight(first.stamp, (1,), (4.0,), first.end[0]))
+    assert navigator.request(1.0, goal, gate_map(gate(1, 8.0)), line) is None
+    both = navigator.request(2.0, goal, gate_map(gate(1, 8.0), gate(2, 16.0)), line)
+    assert both is not None
+    assert [g.gate_id for g in both.gates] == [1, 2]
+    assert np.array_equal(both.end, FINISH)
 
 
 def test_a_new_goal_is_planned_from_the_line_a_lead_ahead(flying):

@@ -28,11 +28,11 @@ from flightapp.trajectory import Trajectory
 
 
 def pose(rng, stamp):
-    return PoseSample(stamp, *_motion(rng), confidence=3)
+    return PoseSample(stamp, *_motion(rng), confidence=3, acceleration=rng.normal(size=3), epoch=2)
 
 
 def state(rng, stamp):
-    return VehicleState(stamp, *_motion(rng), covariance=rng.normal(size=(9, 9)))
+    return VehicleState(stamp, *_motion(rng), covariance=rng.normal(size=(9, 9)), doubt="blind")
 
 
 def truth(rng, stamp):
@@ -57,7 +57,7 @@ def gate_map(rng, stamp):
 
 
 def sightings(rng, stamp):
-    marker = MarkerDetection(4, rng.normal(size=(4, 2)))
+    marker = MarkerDetection(4, rng.normal(size=(4, 2)), 0.9)
     motion = rng.normal(size=3), quat_from_yaw(0.3)
     clear = GateSighting(stamp, 0, *motion, np.eye(6), None, 4, 0.4)
     ambiguous = GateSighting(stamp, 1, *motion, np.eye(6), motion, 1, 0.9)

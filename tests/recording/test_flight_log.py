@@ -75,9 +75,18 @@ def test_fast_messages_come_back_exactly(tmp_path, rng):
     for name, columns in streams.items():
         for i, message in enumerate(sent[name]):
             for field in dataclasses.fields(message):
-                if field.name != "covariance":
+                if field.name not in ("covariance", "doubt"):
                     assert np.array_equal(getattr(columns, field.name)[i], getattr(message, field.name))
     assert np.array_equal(flight.states.variance[5], np.diag(sent["state"][5].covariance))
+    assert set(flight.states.doubtful) == {1}
+
+
+def test_an_acceleration_that_was_not_told_is_nan(tmp_path, rng):
+    path = tmp_path / "flight.mcap"
+    log = FlightLog(path, header=HEADER)
+    log.write("pose", dataclasses.replace(sample.pose(rng, 0.0), acceleration=None))
+    log.close()
+    assert np.isnan(read_flight(path).poses.acceleration).all()
 
 
 @pytest.mark.parametrize("name", sample.FAST)
@@ -93,6 +102,8 @@ def test_fast_messages_are_protobuf_that_others_can_read(name, rng):
         key, expected = field.name, getattr(message, field.name)
         if key == "covariance":
             key, expected = "variance", np.diag(expected)
+        if key == "doubt":
+            key, expected = "doubtful", 1
         assert np.array_equal(np.array(getattr(parsed, key)), expected)
 
 

@@ -15,6 +15,7 @@ import pytest
 from flightapp.config import load_config
 from flightapp.inputs import BadInputError
 from flightapp.messages import Collision, CommandArrivals, GatePassage, GroundTruth, MarkerDetection
+from flightapp.sensors.intake import PoseIntake
 from flightapp.sensors.poses import SocketPoses
 from flightapp.track import Gate, Start, Track
 from sim.clock import RealtimeLoop
@@ -72,7 +73,8 @@ def test_poses_images_and_truth_arrive_with_the_applications_stamps():
     async def main():
         before = left_open()
         world = RemoteWorld(order())
-        poses, camera, truth = SocketPoses(world.poses, 0.2), RemoteCamera(CONFIG, world), RemoteTruth(world)
+        poses = SocketPoses(world.poses, PoseIntake.of_body(CONFIG))
+        camera, truth = RemoteCamera(CONFIG, world), RemoteTruth(world)
         loop = asyncio.get_running_loop()
         ages, frames = [], []
 

@@ -1,0 +1,140 @@
+"""Looking for a gate: all round on the spot, then from places further and further away."""
+
+import asyncio
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from flightapp.behaviors.base import Behavior, Context, Result
+from flightapp.behaviors.motion import ARRIVED, new_serial
+from flightapp.frames import Vector
+from flightapp.interfaces import Limits, PlanningError
+from flightapp.messages import GateEstimate, Outcome
+from flightapp.planning.course import is_known
+from flightapp.planning.goal import Goal
+from flightapp.planning.scan import around, heading, turn_rate, turns
+from flightapp.planning.search import Room, front, viewpoints
+
+WATCH_INTERVAL = 0.02
+"""s between looks at the map."""
+REFUSALS = 3
+"""Plans that are refused before a place counts as out of reach."""
+FINER = (1.0, 0.6, 0.4)
+"""Shares of ``race.search_step`` between the places of a search, the first time and when that was no use."""
+STANDING = 3.0
+"""s at rest without a plan after which it does."""
+
+
+def located(context: Context, gate_id: int) -> GateEstimate | None:
+    """What the map says of a gate; None where that is nothing."""
+    gate_map = context.bus.gate_map.latest
+    gates = gate_map.gates if gate_map else ()
+    return next((gate for gate in gates if gate.gate_id == gate_id), None)
+
+
+def room(context: Context) -> Room:
+    """Where there is room to fly, as far as is known now."""
+    gate_map = context.bus.gate_map.latest
+    return Room.of(context.config, context.track, gate_map.gates if gate_map else ())
+
+
+async def fly_to(context: Context, waypoints: Vector, limits: Limits, stop: Callable[[], bool]) -> bool:
+    """Fly through ``waypoints`` (n, 3) to rest at the last, or until ``stop()``; False where no plan leads there."""
+    bus, line = context.bus, context.line
+    refused, end = 0, waypoints[-1]
+    reports, standing = bus.plan.count, context.now()
+    bus.goal.publish(Goal(end, limits, waypoints=waypoints, serial=new_serial()))
+    while not stop():
+        await asyncio.sleep(WATCH_INTERVAL)
+        now = context.now()
+        if line.latest is None:
+            return False
+        if not line.at_rest(now):
+            standing = now
+        elif float(np.linalg.norm(line.motion(now).position - end)) < ARRIVED:
+            return True
+        if bus.plan.count > reports and bus.plan.latest is not None:
+            reports = bus.plan.count
+            refused += not bus.plan.latest.accepted
+        if refused >= REFUSALS or now > standing + STANDING:
+            return False
+    return True
+
+
+class Search(Behavior):
+    """Look for a gate until it is known well enough to be flown at; one that was nowhere yet, until it appears.
+
+    First all round on the spot, beginning in the direction ``ahead`` (rad); then from a widening pattern of places
+    within the geofence, around the spot, or around the gate's front where there is an idea of where it is. Ends with
+    WRONG_PROGRESS after ``seconds``, or when there is no place left.
+    """
+
+    name = "search"
+
+    def __init__(self, context: Context, gate_id: int, ahead: float, seconds: float) -> None:
+        super().__init__(context, context.config.race.timeout)
+        self._gate_id, self._ahead, self._seconds = gate_id, ahead, seconds
+        self._unheard_of = located(context, gate_id) is None
+        self._expires = math.inf
+
+    async def run(self) -> Result:
+        """Look, and fly on to where to look from next."""
+        begun = self.context.now()
+        self._expires = begun + self._seconds
+        race = self.context.config.race
+        limits = replace(self.context.limits, v_max=min(race.search_speed, race.v_max))
+        await self._look()
+        for place in self._places():
+            if self._over():
+                break
+            if await fly_to(self.context, place[None], limits, self._over):
+                await self._look()
+        took = self.context.now() - begun
+        if self._found():
+            return Result(Outcome.GOAL_ACHIEVED, f"gate {self._gate_id} found after {took:.1f} s")
+        return Result(Outcome.WRONG_PROGRESS, f"gate {self._gate_id} was not found within {took:.0f} s")
+
+    def _found(self) -> bool:
+        gate = located(self.context, self._gate_id)
+        return gate is not None and (self._unheard_of or is_known(gate, self.context.config.mapping.known_sigma))
+
+    def _over(self) -> bool:
+        return self._found() or self.context.now() > self._expires or self.context.line.latest is None
+
+    def _places(self) -> Iterator[Vector]:
+        """Where to look from, by and by."""
+        context = self.context
+        gate, free, race = located(context, self._gate_id), room(context), context.config.race
+        middle, ahead = context.line.motion(context.now()).position, self._ahead
+        if gate is not None:
+            middle, ahead = front(gate, race.standoff, free), gate.yaw
+            yield middle
+        for share in FINER:
+            yield from viewpoints(middle, ahead, share * race.search_step, free)
+
+    async def _look(self) -> None:
+        """Turn round on the spot, until the gate is found."""
+        context, line = self.context, self.context.line
+        await self._rest()
+        if self._over():
+            return
+        now, config = context.now(), context.config
+        at, gate = line.motion(now), located(context, self._gate_id)
+        ahead = heading(at.position, gate.position) if gate is not None else self._ahead
+        yaws = around(at.yaw, ahead, math.radians(config.race.search_yaw_deg))
+        scan = turns(now, at.position, yaws, turn_rate(config))
+        try:
+            line.accept(scan)
+        except PlanningError:
+            return
+        context.bus.trajectory.publish(scan)
+        await self._rest()
+
+    async def _rest(self) -> None:
+        """Until the line is over or the search is."""
+        while True:
+            if self._over() or self.context.line.at_rest(self.context.now()):
+                return
+            await asyncio.sleep(WATCH_INTERVAL)

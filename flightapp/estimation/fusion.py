@@ -1,0 +1,203 @@
+"""Vehicle, tracker errors and gates estimated together.
+
+One error-state filter (`process`, `correction`) over the vehicle's motion, the tracker's drift, scale and velocity
+error, the accelerometer's bias and all gates, with their joint covariance, as in R. Smith, M. Self and P. Cheeseman,
+"Estimating uncertain spatial relationships in robotics" (1990). Sightings arrive late: the filter goes back to the
+exposure and repeats the steps since (`memory`).
+"""
+
+import math
+
+import numpy as np
+
+from flightapp.config import Config
+from flightapp.estimation.alignment import Start, begin, relocate
+from flightapp.estimation.correction import place, sighted, use_sighting
+from flightapp.estimation.imu import ImuMemory
+from flightapp.estimation.memory import StepMemory, coasted, pose_row
+from flightapp.estimation.output import STATE, describe, drift_covariance, gates_from_vehicle
+from flightapp.estimation.process import ATTITUDE, CORE, DRIFT, GATE, POSITION, ROW, STAMP, YAW, attitude
+from flightapp.estimation.settings import POSE_GATE, process_settings
+from flightapp.frames import Vector
+from flightapp.mapping.register import GateRegister, hypotheses, prior_state
+from flightapp.messages import (
+    Drift,
+    GateEstimate,
+    GateMap,
+    GateSighting,
+    ImuSample,
+    PoseSample,
+    Sightings,
+    VehicleState,
+)
+from flightapp.track import Track
+
+AMBIGUITY = 4.0
+"""χ² by which one of two poses must fit better for its yaw to be used."""
+GATE_FLOORS = (0.01, 0.005)
+"""m and rad, below which no gate is believed to be known: calibration errors do not average out."""
+LEAST_POSITION_ERROR = 0.005
+"""m, systematic error of a sighting at no distance."""
+LEAST_YAW_ERROR = 0.01
+"""rad, systematic error of a sighting's yaw."""
+MIRRORED_YAW = 0.5
+"""rad, deviation of the yaw of a gate that was placed by a sighting with two explanations."""
+SILENCE = 0.02
+"""s without a pose from which the filter coasts on the inertial sensors."""
+UNBELIEVED = 20
+"""Poses in a row that the filter did not believe, after which its own state is not to be trusted."""
+
+
+class FusionEstimator:
+    """The tracker's poses, the autopilot's inertial sensors and sightings of gates, fused.
+
+    The world is where the tracker starts, as well as ``estimation.start_position`` and ``start_yaw`` say. Gates of the
+    ``track`` that are unplaced are placed by their first sightings. Without poses the state coasts on the inertial
+    sensors for ``estimation.coast`` seconds, and then there is none.
+    """
+
+    def __init__(self, config: Config, track: Track) -> None:
+        e, m = config.estimation, config.mapping
+        self._coast, self._trusted_sigma = e.coast, e.trusted_sigma
+        self._settings, self._start = process_settings(e, m), Start.of(e)
+        self._errors = np.array((m.attitude_error, m.range_error, m.sync_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
+        self._limits = np.array((m.gate, AMBIGUITY, *GATE_FLOORS))
+        self._register = GateRegister(config, track)
+        size = CORE + GATE * len(self._register.ids)
+        self._x, self._P = np.zeros(size), np.zeros((size, size))
+        for i, gate in enumerate(track.passage):
+            a = CORE + GATE * i
+            self._x[a : a + GATE] = prior_state(gate)
+            if self._register.placed[i]:
+                self._P[range(a, a + GATE), range(a, a + GATE)] = np.square(self._register.deviations)
+        self._memory, self._imu = StepMemory(size), ImuMemory()
+        self._epoch, self._version, self._unbelieved = 0, 0, 0
+        self._posed = self._seen = -math.inf
+        self._z = np.empty(4)
+
+    def on_imu(self, sample: ImuSample) -> VehicleState | None:
+        """Take ``sample`` over; the state at its stamp where poses have been silent for `SILENCE`, else None."""
+        if not self._imu.add(sample) or self._memory.count == 0:
+            return None
+        if not SILENCE <= sample.stamp - self._posed <= self._coast or sample.stamp <= self._memory.newest[STAMP]:
+            return None
+        row = np.empty(ROW)
+        coasted(self._memory.newest, sample.stamp, sample.angular_velocity, sample.specific_force, row)
+        self._memory.advance(row, self._x, self._P, self._settings)
+        return self._state(row)
+
+    def on_pose(self, sample: PoseSample) -> VehicleState | None:
+        """The state at ``sample``'s stamp; None where that is not newer than what is known."""
+        memory = self._memory
+        if memory.count == 0:
+            begin(self._x, self._P, sample, self._start)
+            row = _row(sample, None)
+            memory.begin(row, self._x, self._P)
+        else:
+            before = float(memory.newest[STAMP])
+            if sample.stamp <= before:
+                return None
+            row = _row(sample, self._imu.felt(before, sample.stamp))
+            if sample.epoch != self._epoch:
+                q_wb = attitude(self._x, memory.newest[ATTITUDE : ATTITUDE + 4])
+                relocate(self._x, self._P, q_wb, sample, sample.stamp - before)
+            chi2 = memory.advance(row, self._x, self._P, self._settings)
+            self._unbelieved = 0 if chi2 <= POSE_GATE else self._unbelieved + 1
+            if sample.epoch != self._epoch:
+                memory.begin(row, self._x, self._P)
+        self._epoch, self._posed = sample.epoch, sample.stamp
+        return self._state(row)
+
+    def on_sightings(self, seen: Sightings) -> bool:
+        """Use what was seen at ``seen.stamp``, which a pose or more should have passed; whether the map changed.
+
+        Sightings that are older than `memory` reaches back, newer than the newest pose or out of order are not used.
+        """
+        if not (seen.stamp > self._seen and self._memory.reaches(seen.stamp)):
+            return False
+        self._seen = seen.stamp
+        known = [(self._register.index[s.gate_id], s) for s in seen.gates if s.gate_id in self._register.index]
+        if not known:
+            return False
+        row, following = self._memory.rewind(seen.stamp, self._x, self._P, self._settings)
+        changed = [self._use(i, sighting, row) for i, sighting in known]
+        self._memory.resume(row, following, self._x, self._P, self._settings)
+        self._version += any(changed)
+        return any(changed)
+
+    def _use(self, i: int, sighting: GateSighting, row: Vector) -> bool:
+        """Correct the state with one sighting of the gate ``i`` from the step ``row``; whether anything changed."""
+        register, at, stamp = self._register, CORE + GATE * i, float(row[STAMP])
+        rows = hypotheses(sighting)
+        if not all(map(math.isfinite, rows.flat)):
+            return False
+        inflation = register.inflation(i, stamp)
+        if register.placed[i]:
+            verdict = use_sighting(self._x, self._P, at, row, rows, self._errors, inflation, self._limits, self._z)
+            if verdict != 0:
+                if verdict > 0:
+                    register.used(i, stamp)
+                return verdict > 0
+            anew = register.refused(i, stamp, self._x[POSITION : POSITION + 3] + self._z[:3])
+        else:
+            self._upright(row, rows)
+            anew = register.found(i, self._x[POSITION : POSITION + 3] + self._z[:3])
+        if anew:
+            place(self._x, self._P, at, row, self._upright(row, rows), self._errors, inflation)
+            if len(rows) > 1:
+                self._P[at + 3, at + 3] += MIRRORED_YAW**2
+            register.placed_anew(i, stamp, self._x[at : at + 3])
+        return anew
+
+    def _upright(self, row: Vector, rows: Vector) -> Vector:
+        """(43,) of the explanations ``rows`` (1 or 2, 43) of a sighting the one whose gate stands more upright."""
+        leans = [sighted(self._x, row, each, self._errors, 1.0, self._z, np.empty((4, 4))) for each in rows]
+        best: Vector = rows[int(np.argmin(leans))]
+        sighted(self._x, row, best, self._errors, 1.0, self._z, np.empty((4, 4)))
+        return best
+
+    def gate_map(self, stamp: float) -> GateMap:
+        """The gates whose places are known, in order, and the tracker's drift, as they stand."""
+        x, register = self._x.copy(), self._register
+        covariances, drift = np.empty((len(register.ids), GATE, GATE)), np.empty((4, 4))
+        gates_from_vehicle(self._P, CORE, covariances)
+        drift_covariance(self._P, drift)
+        gates = tuple(
+            GateEstimate(
+                gate_id,
+                x[at : at + 3],
+                float(x[at + 3]),
+                covariances[i],
+                register.sightings[i],
+                register.last_seen[i],
+                register.surveyed[i],
+            )
+            for i, (gate_id, at) in enumerate(zip(register.ids, range(CORE, x.size, GATE), strict=True))
+            if register.placed[i]
+        )
+        known = float(self._memory.newest[STAMP]) if self._memory.count else stamp
+        return GateMap(stamp, self._version, gates, Drift(known, x[DRIFT : DRIFT + 3], float(x[YAW]), drift))
+
+    def take_notices(self) -> tuple[str, ...]:
+        """What there is to tell since the last call, in words."""
+        notices, self._register.notices = tuple(self._register.notices), []
+        return notices
+
+    def _state(self, row: Vector) -> VehicleState:
+        out = np.empty(STATE)
+        describe(self._x, self._P, row, out)
+        return VehicleState(
+            float(row[STAMP]), out[0:3], out[3:7], out[7:10], out[10:13], out[13:].reshape(9, 9), self._doubt(out)
+        )
+
+    def _doubt(self, out: Vector) -> str:
+        if self._unbelieved >= UNBELIEVED:
+            return f"{self._unbelieved} poses in a row contradict the filter"
+        sigma = math.sqrt(max(out[13], out[23], out[33]))
+        if not sigma <= self._trusted_sigma:
+            return f"the position is known to {sigma:.2f} m"
+        return ""
+
+
+def _row(sample: PoseSample, felt: tuple[Vector, float] | None) -> Vector:
+    return pose_row(sample.stamp, sample.position, sample.orientation, sample.velocity, sample.angular_velocity, felt)

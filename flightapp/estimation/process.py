@@ -1,0 +1,160 @@
+"""The process model of the joint filter over vehicle, tracker errors and gates.
+
+The tracker reports its pose in a frame of its own (odom) that drifts: p_w = R_z(ψ) p_o + t. With the true
+velocity v, its scale error κ and its velocity error e it moves by
+
+    R_z(ψ) ṗ_o = (1 - κ) v - e,    so    ṫ = κ v + e + walk,
+
+and reports that same velocity. The scale is that of horizontal motion; what is wrong in height is in e.
+Accelerometer and attitude drive v, so that an error of the tracker's velocity shows as the disagreement of the two.
+The attitude is the tracker's, turned by ψ and a slow tilt error τ: q_wb = exp(τ) ⊗ yaw(ψ) ⊗ q_ob. The state (N,) is
+laid out as below, then position and yaw of each gate; errors are additive but for the attitude, whose error is (τ, ψ)
+as a rotation vector in world axes. What the tracker gets wrong and by how much follows from its published evaluation
+(paper's table 9) and is configuration.
+"""
+
+import math
+
+import numpy as np
+
+from flightapp.frames import GRAVITY, Vector, quat_from_rotvec, quat_from_yaw, quat_multiply, quat_to_matrix
+from flightapp.jit import kernel
+
+POSITION, VELOCITY, DRIFT, YAW, SCALE, SLIP, BIAS, TILT, CORE = 0, 3, 6, 9, 10, 11, 14, 17, 19
+"""Where in the state: p, v, t (each 3), ψ, κ, e (3), accelerometer's bias (3), τ (2); where the gates begin."""
+GATE = 4
+"""Numbers of a gate: position (3), yaw."""
+
+# One step of the tracker or of coasting: what was measured at its stamp.
+STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, ROW = 0, 1, 2, 5, 9, 12, 15, 18, 19
+"""Columns: stamp, 1 for a pose or 0 for coasting, p_o (3), q_ob (4), v_o (3), ω (3), specific force (3), share felt."""
+
+# Settings of the process and of the tracker as a sensor, one row of numbers.
+(
+    ACCELEROMETER,
+    MANOEUVRE,
+    BIAS_WALK,
+    WALK,
+    WALK_AT_REST,
+    YAW_WALK,
+    YAW_AT_REST,
+    SLIP_ACROSS,
+    SLIP_UP,
+    SLIP_TIME,
+    TILT_SIZE,
+    TILT_TIME,
+    POSITION_NOISE,
+    VELOCITY_NOISE,
+    GATING,
+    GATE_WALK,
+    SETTINGS,
+) = range(17)
+
+MOVING = 0.5
+"""m/s, below which the estimated speed is noise to the scale: their product would push the scale one way."""
+
+
+@kernel
+def scaled_velocity(x: Vector) -> Vector:
+    """(3,) the velocity through which the tracker's scale shows: the horizontal one, zero at rest."""
+    v = x[VELOCITY : VELOCITY + 3].copy()
+    if v[0] ** 2 + v[1] ** 2 < MOVING**2:
+        v[:] = 0.0
+    v[2] = 0.0
+    return v
+
+
+@kernel
+def attitude(x: Vector, q_ob: Vector) -> Vector:
+    """q_wb (4,) from the tracker's ``q_ob`` (4,)."""
+    lean = quat_from_rotvec(np.array((x[TILT], x[TILT + 1], 0.0)))
+    return quat_multiply(lean, quat_multiply(quat_from_yaw(x[YAW]), q_ob))
+
+
+@kernel
+def _add_noise(x: Vector, P: Vector, speed: float, dt: float, felt: float, s: Vector) -> None:
+    """Process noise over ``dt`` seconds into ``P``; slip and tilt as first-order Gauss-Markov processes."""
+    push = felt * s[ACCELEROMETER] ** 2 + (1.0 - felt) * s[MANOEUVRE] ** 2
+    for i in range(3):
+        P[VELOCITY + i, VELOCITY + i] += push * dt
+        P[BIAS + i, BIAS + i] += s[BIAS_WALK] ** 2 * dt
+        P[DRIFT + i, DRIFT + i] += (s[WALK] ** 2 * speed + s[WALK_AT_REST] ** 2) * dt
+    gone = 1.0 - math.exp(-2.0 * dt / s[SLIP_TIME])
+    across = s[SLIP_ACROSS] * speed
+    up = across + s[SLIP_UP] * speed * speed
+    P[SLIP, SLIP] += gone * across * across
+    P[SLIP + 1, SLIP + 1] += gone * across * across
+    P[SLIP + 2, SLIP + 2] += gone * up * up
+    for g in range(CORE, x.size, GATE):
+        for i in range(3):
+            P[g + i, g + i] += s[GATE_WALK] ** 2 * dt
+    gone = 1.0 - math.exp(-2.0 * dt / s[TILT_TIME])
+    for i in range(2):
+        P[TILT + i, TILT + i] += gone * s[TILT_SIZE] ** 2
+    # The heading drifts about the vehicle, not about the tracker's origin, so it moves the translation too.
+    turn = (s[YAW_WALK] ** 2 * speed + s[YAW_AT_REST] ** 2) * dt
+    arm_x, arm_y = x[POSITION] - x[DRIFT], x[POSITION + 1] - x[DRIFT + 1]
+    lever = (arm_y, -arm_x)
+    for i in range(2):
+        for j in range(2):
+            P[DRIFT + i, DRIFT + j] += turn * lever[i] * lever[j]
+        P[DRIFT + i, YAW] += turn * lever[i]
+        P[YAW, DRIFT + i] += turn * lever[i]
+    P[YAW, YAW] += turn
+
+
+@kernel
+def _transport(P: Vector, v: Vector, scale: float, turned: Vector, R: Vector, dt: float, keep: Vector) -> None:
+    """``P`` ← F P in place; given the transpose of P, P ← P Fᵀ.
+
+    ``v`` (3,) is `scaled_velocity` and ``scale`` κ; ``turned`` (3, 3) and -``R`` (3, 3) are the derivatives of the
+    acceleration by the attitude's error and the accelerometer's bias, ``keep`` (2,) what is left of slip and tilt.
+    """
+    for j in range(P.shape[1]):
+        for i in range(3):
+            P[DRIFT + i, j] += dt * (v[i] * P[SCALE, j] + P[SLIP + i, j])
+            if i < 2:
+                P[DRIFT + i, j] += dt * scale * P[VELOCITY + i, j]
+            P[POSITION + i, j] += dt * P[VELOCITY + i, j]
+        for i in range(3):
+            gained = turned[i, 0] * P[TILT, j] + turned[i, 1] * P[TILT + 1, j] + turned[i, 2] * P[YAW, j]
+            for k in range(3):
+                gained -= R[i, k] * P[BIAS + k, j]
+            P[VELOCITY + i, j] += dt * gained
+            P[SLIP + i, j] *= keep[0]
+        P[TILT, j] *= keep[1]
+        P[TILT + 1, j] *= keep[1]
+
+
+@kernel
+def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> None:
+    """Move state and covariance from the step ``before`` (19,) to the stamp and attitude of ``row`` (19,).
+
+    For the share of the time in which the specific force was not felt, the velocity walks with `MANOEUVRE`.
+    """
+    dt = row[STAMP] - before[STAMP]
+    felt = row[FELT] > 0.0
+    R, turned, pull = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    if felt:
+        R_before = quat_to_matrix(attitude(x, before[ATTITUDE : ATTITUDE + 4]))
+        R_now = quat_to_matrix(attitude(x, row[ATTITUDE : ATTITUDE + 4]))
+        for i in range(3):
+            for j in range(3):
+                R[i, j] = 0.5 * (R_before[i, j] + R_now[i, j])
+                pull[i] += R[i, j] * (row[FORCE + j] - x[BIAS + j])
+        turned[0, 1], turned[0, 2], turned[1, 2] = pull[2], -pull[1], pull[0]
+        turned[1, 0], turned[2, 0], turned[2, 1] = -pull[2], pull[1], -pull[0]
+        pull[2] -= GRAVITY
+    keep = np.array((math.exp(-dt / s[SLIP_TIME]), math.exp(-dt / s[TILT_TIME])))
+    v = x[VELOCITY : VELOCITY + 3].copy()
+    scaled = scaled_velocity(x)
+    _transport(P, scaled, x[SCALE], turned, R, dt, keep)
+    _transport(P.T, scaled, x[SCALE], turned, R, dt, keep)
+    for i in range(3):
+        x[DRIFT + i] += dt * ((x[SCALE] * v[i] if i < 2 else 0.0) + x[SLIP + i])
+        x[POSITION + i] += dt * (v[i] + 0.5 * dt * pull[i])
+        x[VELOCITY + i] += dt * pull[i]
+        x[SLIP + i] *= keep[0]
+    for i in range(2):
+        x[TILT + i] *= keep[1]
+    _add_noise(x, P, math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2), dt, row[FELT], s)

@@ -1,0 +1,271 @@
+"""Dark quads in grey images: what may be markers.
+
+The outlines of dark components are followed along the cracks between pixels (A. Rosenfeld and A. Kak, "Digital
+Picture Processing", 1982), and the quad of locally largest area is put into each. It is a candidate where outline
+runs along most of each of its sides: gaps in an outline and bites out of it, as blur and shadows make them, do no
+harm.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flightapp.frames import Vector
+from flightapp.jit import inlined, kernel
+from flightapp.perception.edges import Image, quad_area, sample, within
+from flightapp.perception.threshold import Bytes, marked_dark
+
+MOST_QUADS = 512
+"""Candidates in one search, beyond which an image is nothing but clutter."""
+SHORTEST_OUTLINE = 28
+"""Cracks: those of a square of 7 px, which at half the size is one of 14."""
+SHORTEST_SIDE = 6.0
+LONGEST_OUTLINE = 6
+"""Outlines so many times as long as the box about them are no square's, not even with gaps."""
+SMALLEST_AREA = 80
+"""px², twice the area inside an outline."""
+LEAST_FILL = 0.3
+"""Of the box about an outline's area, unless the outline goes in through a gap and around twice."""
+LEAST_GAP = 3.0
+"""Length of such an outline over the sum of the box's sides."""
+BINS = 8
+"""Parts of each side in which outline is looked for."""
+LEAST_BINS = 5
+BEND = 0.05
+"""Share of a quad's mean side by which outline may lie off a side, beyond a pixel."""
+LEAST_SINE = 0.25
+"""Of a corner's angle."""
+LEAST_CONTRAST = 8.0
+"""Grey levels between the two sides of a quad's edge."""
+POINTS = 256
+"""Of an outline, that are looked at."""
+
+WHOLE = np.array((7, 4))
+"""Grey levels by which dark pixels are darker than the means about them, in an image and at half its size: with these
+markers of 15 to 200 px are found in whole images."""
+REGION = np.array((5, 4))
+"""With these fainter ones too, for where there is little to search."""
+
+# Going right, down, left, up with the dark on the right: by which quarters to turn where the pixels ahead are both
+# bright, the right one dark, the left one dark, both dark.
+_TURN = np.array((1, 0, 1, 3))
+# A step, and from the vertex's lower right pixel to the pixels ahead on the right and on the left: columns and rows.
+_COLUMNS = np.array(((1, 0, -1, 0), (0, -1, -1, 0), (0, 0, -1, -1)))
+_ROWS = np.array(((0, 1, 0, -1), (0, 0, -1, -1), (-1, 0, 0, -1)))
+
+
+@inlined
+def _follow(dark: Bytes, width: int, moves: NDArray[np.int64], start: int, line: NDArray[np.int32]) -> int:
+    """Follow the outline from the left edge of the pixel at ``start``: its length, 0 if it is too long.
+
+    ``dark`` (height · width,) is 1 in a component and gets 2 added where the outline goes up, so that it is followed
+    once. ``moves`` (3, 4) are `_COLUMNS` + width · `_ROWS`. Vertices go into ``line`` (k,) as far as there is room.
+    """
+    room, count, d, at = line.size, 0, 3, start + width
+    first = at
+    while True:
+        if count < room:
+            line[count] = at
+        count += 1
+        # Without a branch: nothing foresees an outline's turns.
+        dark[np.uint64(at - width)] |= np.uint8((d == 3) << 1)
+        at += moves[0, np.uint64(d)]
+        right, left = dark[np.uint64(at + moves[1, np.uint64(d)])], dark[np.uint64(at + moves[2, np.uint64(d)])]
+        d = (d + _TURN[np.uint64((right & 1) | (left & 1) << 1)]) & 3
+        if at == first and d == 3:
+            break
+    return count if count <= room else 0
+
+
+@kernel
+def _unpack(line: NDArray[np.int32], count: int, width: int, points: NDArray[np.int32], box: NDArray[np.int64]) -> int:
+    """The vertices of ``line`` as ``points`` (k, 2) x, y, and the ``box`` about them; twice the area inside."""
+    box[0], box[1], box[2], box[3] = width, line.size, 0, 0
+    x, y, area2 = line[0] % width, line[0] // width, 0
+    for i in range(count):
+        points[i, 0], points[i, 1] = x, y
+        box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
+        step = line[(i + 1) % count] - line[i]
+        if abs(step) == 1:
+            area2 -= 2 * step * y
+            x += step
+        else:
+            y += 1 if step > 0 else -1
+    return area2
+
+
+@kernel
+def _farthest(points: NDArray[np.int32], count: int, step: int, a: int, b: int) -> tuple[int, float]:
+    """The point furthest to the left of the line from point ``a`` to ``b``, as seen in the image, and how far."""
+    ax, ay = points[a, 0], points[a, 1]
+    dx, dy = points[b, 0] - ax, points[b, 1] - ay
+    best, most = a, 0
+    for i in range(0, count, step):
+        off = (points[i, 0] - ax) * dy - (points[i, 1] - ay) * dx
+        if off > most:
+            best, most = i, off
+    return best, most / max(math.sqrt(float(dx * dx + dy * dy)), 1e-9)
+
+
+@kernel
+def _inscribe(points: NDArray[np.int32], count: int, step: int, quad: Vector) -> bool:
+    """Put the corners of a quad of locally largest area among ``points`` into ``quad`` (4, 2), clockwise."""
+    mx, my = 0, 0
+    for i in range(0, count, step):
+        mx += points[i, 0]
+        my += points[i, 1]
+    n = (count + step - 1) // step
+    a, most = 0, -1
+    for i in range(0, count, step):
+        off = (n * points[i, 0] - mx) ** 2 + (n * points[i, 1] - my) ** 2
+        if off > most:
+            a, most = i, off
+    c, most = a, -1
+    for i in range(0, count, step):
+        off = (points[i, 0] - points[a, 0]) ** 2 + (points[i, 1] - points[a, 1]) ** 2
+        if off > most:
+            c, most = i, off
+    b, d = _farthest(points, count, step, a, c)[0], _farthest(points, count, step, c, a)[0]
+    for _ in range(2):
+        a, c = _farthest(points, count, step, d, b)[0], _farthest(points, count, step, b, d)[0]
+        b, d = _farthest(points, count, step, a, c)[0], _farthest(points, count, step, c, a)[0]
+    for k, i in enumerate((a, b, c, d)):
+        quad[k, 0], quad[k, 1] = points[i, 0], points[i, 1]
+    for k in range(4):
+        ux, uy = quad[k, 0] - quad[k - 1, 0], quad[k, 1] - quad[k - 1, 1]
+        vx, vy = quad[(k + 1) % 4, 0] - quad[k, 0], quad[(k + 1) % 4, 1] - quad[k, 1]
+        u, v = math.sqrt(ux * ux + uy * uy), math.sqrt(vx * vx + vy * vy)
+        if u < SHORTEST_SIDE or ux * vy - uy * vx < LEAST_SINE * u * v:
+            return False
+    return True
+
+
+@kernel
+def _outlined(points: NDArray[np.int32], count: int, step: int, quad: Vector) -> bool:
+    """Whether outline runs along most of each side of ``quad`` (4, 2)."""
+    perimeter = 0.0
+    for k in range(4):
+        a, b = quad[k], quad[(k + 1) % 4]
+        perimeter += math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
+    slack = 1.0 + BEND * 0.25 * perimeter
+    for k in range(4):
+        ax, ay = quad[k, 0], quad[k, 1]
+        dx, dy = quad[(k + 1) % 4, 0] - ax, quad[(k + 1) % 4, 1] - ay
+        length2 = dx * dx + dy * dy
+        reach = slack * math.sqrt(length2)
+        seen = 0
+        for i in range(0, count, step):
+            px, py = points[i, 0] - ax, points[i, 1] - ay
+            if abs(px * dy - py * dx) < reach:
+                t = (px * dx + py * dy) / length2
+                if 0.0 <= t < 1.0:
+                    seen |= 1 << int(t * BINS)
+        covered = 0
+        for part in range(BINS):
+            covered += seen >> part & 1
+        if covered < LEAST_BINS:
+            return False
+    return True
+
+
+@kernel
+def _contrasts(image: Image, quad: Vector, modules: int) -> bool:
+    """Whether ``image`` is brighter outside each side of ``quad`` (4, 2) than inside."""
+    for k in range(4):
+        ax, ay = quad[k, 0], quad[k, 1]
+        dx, dy = quad[(k + 1) % 4, 0] - ax, quad[(k + 1) % 4, 1] - ay
+        length = math.sqrt(dx * dx + dy * dy)
+        off = max(0.4 * quad_area(quad) / (length * modules), 1.0)
+        nx, ny = off * dy / length, -off * dx / length
+        total, n = 0.0, 0
+        for i in range(6):
+            x, y = ax + dx * (i + 1.0) / 7.0, ay + dy * (i + 1.0) / 7.0
+            if within(image, x + nx, y + ny) and within(image, x - nx, y - ny):
+                total += sample(image, x + nx, y + ny) - sample(image, x - nx, y - ny)
+                n += 1
+        if n > 0 and total < n * LEAST_CONTRAST:
+            return False
+    return True
+
+
+@kernel
+def _is_new(quads: Vector, count: int) -> bool:
+    """Whether quad ``count`` of ``quads`` (k, 4, 2) lies elsewhere than those before it."""
+    quad = quads[count]
+    side2 = (quad[0, 0] - quad[1, 0]) ** 2 + (quad[0, 1] - quad[1, 1]) ** 2
+    near = max(0.003 * side2, 1.0)
+    for m in range(count):
+        for turn in range(4):
+            apart = 0.0
+            for k in range(4):
+                other = quads[m, (k + turn) % 4]
+                apart = max(apart, (other[0] - quad[k, 0]) ** 2 + (other[1] - quad[k, 1]) ** 2)
+            if apart < near:
+                return False
+    return True
+
+
+@kernel
+def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, quads: Vector, count: int) -> int:
+    """Add the quads of ``dark``, which is ``image`` from (x0, y0) on made smaller by ``scale``; how many there are."""
+    height, width = dark.shape
+    flat, moves, box = dark.ravel(), _COLUMNS + width * _ROWS, np.empty(4, np.int64)
+    line = np.empty(4 * (height + width), np.int32)
+    points = np.empty((line.size, 2), np.int32)
+    for y in range(1, height - 1):
+        for x in range(1, width - 1):
+            if dark[y, x] != 1 or dark[y, x - 1] != 0:
+                continue
+            # Most are single pixels of noise.
+            if not (dark[y, x + 1] or dark[y + 1, x - 1] or dark[y + 1, x] or dark[y + 1, x + 1]):
+                continue
+            length = _follow(flat, width, moves, y * width + x, line)
+            if length < SHORTEST_OUTLINE or count >= quads.shape[0]:
+                continue
+            area2 = _unpack(line, length, width, points, box)
+            across, down = box[2] - box[0], box[3] - box[1]
+            if area2 < SMALLEST_AREA or min(across, down) < SHORTEST_SIDE or length > LONGEST_OUTLINE * (across + down):
+                continue
+            if area2 < 2.0 * LEAST_FILL * across * down and length < LEAST_GAP * (across + down):
+                continue
+            quad, step = quads[count], 1 + length // POINTS
+            if not _inscribe(points, length, step, quad) or not _outlined(points, length, step, quad):
+                continue
+            for k in range(4):
+                # Vertex (1, 1) is the upper left corner of the first pixel, whose centre is (0, 0).
+                quad[k, 0] = x0 + scale * (quad[k, 0] - 1.0) - 0.5
+                quad[k, 1] = y0 + scale * (quad[k, 1] - 1.0) - 0.5
+            if _contrasts(image, quad, modules) and _is_new(quads, count):
+                count += 1
+    return count
+
+
+@kernel
+def find_quads(
+    image: Image,
+    half: Image,
+    near: Image,
+    wide: Image,
+    boxes: NDArray[np.int64],
+    offsets: NDArray[np.int64],
+    modules: int,
+    quads: Vector,
+) -> int:
+    """Put the dark quads in ``boxes`` (b, 4) of ``image`` (h, w) into ``quads`` (k, 4, 2); how many there are.
+
+    Corners go clockwise, in pixels. ``half``, ``near`` and ``wide`` are the image's `Means`, ``offsets`` `WHOLE` or
+    `REGION`, ``modules`` those of a marker along a side. Sharp and small quads are found in the image itself, blurred
+    and large ones at half the size.
+    """
+    count, height, width = 0, half.shape[0], half.shape[1]
+    for b in range(boxes.shape[0]):
+        x0, y0, x1, y1 = boxes[b, 0] // 2, boxes[b, 1] // 2, boxes[b, 2], boxes[b, 3]
+        x2, y2 = min((x1 + 1) // 2, width), min((y1 + 1) // 2, height)
+        if x2 <= x0 or y2 <= y0:
+            continue
+        dark = marked_dark(image[2 * y0 : y1, 2 * x0 : x1], near[y0:y2, x0:x2], offsets[0])
+        count = _add(image, dark, 1, 2 * x0, 2 * y0, modules, quads, count)
+        dark = marked_dark(half[y0:y2, x0:x2], wide[y0:y2, x0:x2], offsets[1])
+        count = _add(image, dark, 2, 2 * x0, 2 * y0, modules, quads, count)
+    return count

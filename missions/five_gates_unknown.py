@@ -1,0 +1,18 @@
+"""Five gates of which only the number and the markers are known: the drone finds them as it goes."""
+
+TRACK = "tracks/five_gates.toml"
+SETTINGS = {
+    "mission.gates_known": False,
+    "mission.geofence": [-20.0, -16.0, -0.5, 16.0, 16.0, 8.0],
+    "mission.takeoff_height": 1.5,
+    "race.v_max": 3.0,
+    "race.search_timeout": 180.0,
+    "race.timeout": 600.0,
+}
+
+
+async def mission(drone):
+    """Take off, race, land."""
+    await drone.takeoff()
+    await drone.race()
+    await drone.land()

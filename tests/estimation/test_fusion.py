@@ -1,0 +1,263 @@
+import numpy as np
+import pytest
+from fusion_world import GATES, Circling, a_track
+from scipy.stats import chi2
+
+from flightapp.config import Config, GateMapping, load_config
+from flightapp.estimation.fusion import FusionEstimator
+from flightapp.frames import quat_from_yaw, quat_multiply, quat_rotate
+from flightapp.messages import PoseSample, Sightings
+
+WHITE = Config(
+    mapping=GateMapping(attitude_error=0.0, range_error=0.0, sync_error=0.0, correlation_time=0.0, gate=100.0)
+)
+"""Sightings whose errors are all their own."""
+
+
+def flown(world, estimator, seconds, frames=6, gates=(), late=0.03, imu=True):
+    """Fly on; every ``frames`` poses the ``gates`` are seen ``late`` s before; the states."""
+    states = []
+    for count in range(int(seconds * 200)):
+        pose, felt = world.advance()
+        if imu:
+            estimator.on_imu(felt)
+        state = estimator.on_pose(pose)
+        assert state is not None
+        states.append(state)
+        if gates and count % frames == 0:
+            estimator.on_sightings(world.seen(world.stamp - late, gates))
+    return states
+
+
+def position_error(world, state):
+    return state.position - world.motion(state.stamp)[0]
+
+
+def test_without_gates_the_state_follows_the_tracker():
+    world = Circling(seed=1)
+    states = flown(world, FusionEstimator(WHITE, a_track()), 3.0)
+    for state in states[::50]:
+        assert np.linalg.norm(position_error(world, state)) < 0.25
+        assert state.doubt == ""
+
+
+def test_errors_are_as_large_as_the_filter_says():
+    """NEES of position and velocity, with gates of 3 m priors, over flights drawn from the filter's own model."""
+    runs, totals = 60, []
+    for seed in range(runs):
+        world = Circling(WHITE, seed)
+        draw = np.random.default_rng(1000 + seed)
+        angle, radius = draw.uniform(0.0, 2.0 * np.pi, 3), 3.0 * np.sqrt(draw.uniform(size=3))
+        offsets = {
+            i: np.array((r * np.cos(a), r * np.sin(a), draw.uniform(-0.5, 0.5)))
+            for i, a, r in zip(GATES, angle, radius, strict=True)
+        }
+        estimator = FusionEstimator(WHITE, a_track(offsets))
+        state = flown(world, estimator, 4.0, gates=(1, 2, 3))[-1]
+        p, v, *_ = world.motion(state.stamp)
+        e = np.concatenate((state.position - p, state.velocity - v))
+        totals.append(float(e @ np.linalg.solve(state.covariance[:6, :6], e)))
+    low, high = chi2.ppf((0.005, 0.995), 6 * runs) / runs
+    assert low < np.mean(totals) < high
+
+
+def test_gates_are_found_and_hold_the_tracker_to_the_world():
+    world = Circling(seed=4)
+    offsets = {1: np.array((1.0, -1.0, 0.3)), 2: np.array((-2.0, 0.5, 0.2)), 3: np.array((0.3, 2.0, -0.4))}
+    seeing, blind = FusionEstimator(Config(), a_track(offsets)), FusionEstimator(Config(), a_track(offsets))
+    for count in range(4000):
+        pose, felt = world.advance()
+        for estimator in (seeing, blind):
+            estimator.on_imu(felt)
+            state = estimator.on_pose(pose)
+            assert state is not None
+        if count % 6 == 0:
+            seeing.on_sightings(world.seen(world.stamp - 0.03, (1, 2, 3)))
+    truth = world.motion(world.stamp)[0]
+    raw = quat_rotate(quat_from_yaw(0.0), pose.position)
+    final = seeing.on_pose(world.advance()[0])
+    assert final is not None
+    assert np.linalg.norm(final.position - world.motion(world.stamp)[0]) < 0.25 * np.linalg.norm(raw - truth)
+    for gate in seeing.gate_map(world.stamp).gates:
+        assert np.linalg.norm(gate.position - GATES[gate.gate_id][:3]) < 0.15
+        assert gate.sightings > 100
+    assert [gate.sightings for gate in blind.gate_map(0.0).gates] == [0, 0, 0]
+
+
+def test_a_late_sighting_counts_as_if_it_had_come_at_once():
+    """The same sightings, 5 ms and 100 ms after their exposure, lead to the same state."""
+    ends = []
+    for late in (1, 20):
+        world = Circling(seed=5)
+        estimator = FusionEstimator(Config(), a_track({1: np.array((1.0, 0.5, 0.2))}))
+        waiting = []
+        for count in range(800):
+            pose, felt = world.advance()
+            estimator.on_imu(felt)
+            state = estimator.on_pose(pose)
+            if count % 7 == 6 and count < 700:
+                waiting.append((count + late, world.seen(world.stamp - 0.003, (1,))))
+            if waiting and waiting[0][0] == count:
+                assert estimator.on_sightings(waiting.pop(0)[1])
+        assert state is not None
+        ends.append((state, estimator.gate_map(0.0)))
+    (a, map_a), (b, map_b) = ends
+    np.testing.assert_allclose(a.position, b.position, atol=1e-6)
+    np.testing.assert_allclose(a.covariance, b.covariance, atol=1e-8)
+    np.testing.assert_allclose(map_a.gates[0].position, map_b.gates[0].position, atol=1e-6)
+    np.testing.assert_allclose(map_a.gates[0].covariance, map_b.gates[0].covariance, atol=1e-8)
+
+
+def test_sightings_out_of_order_too_old_or_not_yet_reached_are_not_used():
+    world, estimator = Circling(seed=6), FusionEstimator(Config(), a_track())
+    flown(world, estimator, 2.0)
+    assert not estimator.on_sightings(world.seen(world.stamp + 0.01, (1,)))
+    assert not estimator.on_sightings(world.seen(world.stamp - 1.5, (1,)))
+    assert estimator.on_sightings(world.seen(world.stamp - 0.02, (1,)))
+    assert not estimator.on_sightings(world.seen(world.stamp - 0.05, (1,)))
+    assert not estimator.on_sightings(world.seen(world.stamp - 0.02, (1,)))
+    strange = world.seen(world.stamp - 0.01, (1,)).gates[0]
+    strange.position[1] = np.nan
+    assert not estimator.on_sightings(Sightings(world.stamp - 0.01, 0, (), (strange,)))
+    assert estimator.gate_map(0.0).gates[0].sightings == 1
+
+
+def test_a_pose_that_is_not_newer_is_no_news():
+    world, estimator = Circling(seed=7), FusionEstimator(Config(), a_track())
+    pose, _ = world.advance()
+    assert estimator.on_pose(pose) is not None
+    assert estimator.on_pose(pose) is None
+
+
+def test_it_coasts_on_the_inertial_sensors_and_then_falls_silent():
+    world, config = Circling(seed=8), Config()
+    estimator = FusionEstimator(config, a_track())
+    flown(world, estimator, 4.0, gates=(1, 2, 3))
+    last, states = world.stamp, []
+    for _ in range(200):
+        _, felt = world.advance()
+        if (state := estimator.on_imu(felt)) is not None:
+            states.append(state)
+    assert last + 0.015 < states[0].stamp <= last + 0.026
+    assert last + config.estimation.coast - 0.011 < states[-1].stamp <= last + config.estimation.coast + 1e-9
+    for state in states[:: len(states) // 8]:
+        error, sigma = position_error(world, state), np.sqrt(np.diag(state.covariance)[:3])
+        assert (abs(error) < 4.0 * sigma + 0.02).all()
+    assert np.linalg.norm(position_error(world, states[-1])) < 0.25
+    assert states[-1].covariance[0, 0] > states[0].covariance[0, 0]
+    # Poses are back: the frame is still the same, and so is the state.
+    pose, _ = world.advance()
+    back = estimator.on_pose(pose)
+    assert back is not None
+    assert np.linalg.norm(position_error(world, back)) < 0.3
+
+
+def test_without_inertial_sensors_nothing_stands_in_for_poses():
+    world, estimator = Circling(seed=9), FusionEstimator(Config(), a_track())
+    states = flown(world, estimator, 3.0, gates=(1, 2), imu=False)
+    assert np.linalg.norm(position_error(world, states[-1])) < 0.2
+
+
+def test_a_relocalised_tracker_does_not_move_the_vehicle():
+    world, estimator = Circling(seed=10), FusionEstimator(Config(), a_track())
+    before = flown(world, estimator, 4.0, gates=(1, 2, 3))[-1]
+    turn, shift = quat_from_yaw(1.1), np.array((2.0, -5.0, 0.4))
+    for _ in range(100):
+        pose, felt = world.advance()
+        moved = PoseSample(
+            pose.stamp,
+            quat_rotate(turn, pose.position) + shift,
+            quat_multiply(turn, pose.orientation),
+            quat_rotate(turn, pose.velocity),
+            pose.angular_velocity,
+            3,
+            epoch=1,
+        )
+        estimator.on_imu(felt)
+        state = estimator.on_pose(moved)
+        assert state is not None
+        assert state.doubt == ""
+        assert np.linalg.norm(position_error(world, state)) < np.linalg.norm(position_error(world, before)) + 0.05
+    assert estimator.on_sightings(Sightings(world.stamp - 0.01, 0, (), (world.sighting(1, world.stamp - 0.01),)))
+
+
+def test_poses_that_contradict_the_filter_make_it_doubt_itself():
+    world, estimator = Circling(seed=11), FusionEstimator(Config(), a_track())
+    flown(world, estimator, 3.0, gates=(1, 2, 3))
+    doubts = []
+    for count in range(40):
+        pose, felt = world.advance()
+        estimator.on_imu(felt)
+        away = PoseSample(
+            pose.stamp, pose.position + 3.0 + 0.5 * count, pose.orientation, pose.velocity, pose.angular_velocity, 3
+        )
+        state = estimator.on_pose(away)
+        assert state is not None
+        doubts.append(state.doubt)
+    assert doubts[0] == ""
+    assert "contradict" in doubts[-1]
+
+
+def test_unplaced_gates_come_into_the_map_when_sightings_agree():
+    world, estimator = Circling(seed=12), FusionEstimator(Config(), a_track(known=False))
+    flown(world, estimator, 1.5)
+    assert estimator.gate_map(0.0).gates == ()
+    estimator.on_sightings(world.seen(world.stamp - 0.02, (2,)))
+    assert estimator.gate_map(0.0).gates == ()
+    flown(world, estimator, 2.0, gates=(2,))
+    (gate,) = estimator.gate_map(0.0).gates
+    assert gate.gate_id == 2
+    assert np.linalg.norm(gate.position - GATES[2][:3]) < 0.15
+    assert abs(gate.yaw - GATES[2][3]) < 0.1
+    assert any("gate 2 was found" in notice for notice in estimator.take_notices())
+    assert estimator.take_notices() == ()
+
+
+def test_a_gate_that_has_moved_is_learnt_anew_and_told_of():
+    world, estimator = Circling(seed=13), FusionEstimator(Config(), a_track())
+    flown(world, estimator, 2.0, gates=(1, 2))
+    elsewhere = (8.0, 2.0, 1.5, 0.3)
+    for _ in range(60):
+        flown(world, estimator, 0.03)
+        seen = (world.sighting(1, world.stamp - 0.02, gate=elsewhere), world.sighting(2, world.stamp - 0.02))
+        estimator.on_sightings(Sightings(world.stamp - 0.02, 0, (), seen))
+    gates = {gate.gate_id: gate for gate in estimator.gate_map(0.0).gates}
+    assert np.linalg.norm(gates[1].position - elsewhere[:3]) < 0.15
+    assert np.linalg.norm(gates[2].position - GATES[2][:3]) < 0.15
+    assert any("gate 1 has moved" in notice for notice in estimator.take_notices())
+
+
+def test_outliers_amid_good_sightings_are_refused_and_told_of():
+    world, estimator = Circling(seed=14), FusionEstimator(Config(), a_track())
+    flown(world, estimator, 2.0, gates=(1,))
+    for count in range(90):
+        flown(world, estimator, 0.03)
+        gate = (5.0, 4.0, 1.5, 0.3) if count % 3 == 0 else None
+        estimator.on_sightings(world.seen(world.stamp - 0.02, (1,), gate=gate))
+    (gate, *_) = estimator.gate_map(0.0).gates
+    assert np.linalg.norm(gate.position - GATES[1][:3]) < 0.15
+    assert any("two places" in notice for notice in estimator.take_notices())
+
+
+def test_a_gate_is_known_relative_to_the_vehicle_better_than_the_vehicle_to_the_start():
+    config = load_config(None, None, ["estimation.start_position=0.5"])
+    world, estimator = Circling(config, 15), FusionEstimator(config, a_track())
+    state = flown(world, estimator, 3.0, gates=(1,))[-1]
+    gate = estimator.gate_map(0.0).gates[0]
+    assert np.sqrt(gate.covariance[0, 0]) < 0.1 < np.sqrt(state.covariance[0, 0])
+
+
+@pytest.mark.parametrize("gates", [0, 1, 20])
+def test_any_number_of_gates(gates):
+    from flightapp.track import Gate, Start, Track
+
+    course = tuple(
+        Gate(id=i, position=(5.0 + i, 0.0, 1.5), yaw_deg=0.0, markers=tuple(range(4 * i, 4 * i + 4)))
+        for i in range(gates)
+    )
+    points = () if gates else ((1.0, 0.0, 1.0),)
+    shape = {"dictionary": "4X4_100"}
+    track = Track(name="n", start=Start(position=(0.0, 0.0, 0.0)), gate=shape, gates=course, waypoints=points)
+    world, estimator = Circling(seed=16), FusionEstimator(Config(), track)
+    flown(world, estimator, 1.0)
+    assert len(estimator.gate_map(0.0).gates) == gates
