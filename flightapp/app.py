@@ -19,6 +19,7 @@ from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
 from flightapp.interfaces import Rig
+from flightapp.mapping.map_file import mapped, read_map, write_map
 from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
 from flightapp.mission.loader import MissionFile, load_mission
@@ -72,6 +73,7 @@ def prepare(plan: FlightPlan) -> tuple[MissionFile, Config]:
     """Load and check all of ``plan``'s inputs; raises `BadInputError`."""
     mission = load_mission(plan.mission)
     config = load_config(plan.vehicle, mission.settings, plan.overrides)
+    with_map(told(mission.track, config), config)
     for kind, name in _modules(config).items():
         find(kind, name)
     return mission, config
@@ -83,7 +85,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
     rig_class = find("rigs", plan.rig)
 
     async def main() -> Flown:
-        known = told(mission.track, config)
+        known = with_map(told(mission.track, config), config)
         warm_up(config, known, choose_modules(config, known, config.camera.model()))
         session = RealtimeSession(config.realtime)
         with session.adopting("the link"):
@@ -98,7 +100,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         entries = {"outcome": Outcome.PROCESS_FAILURE.value, "reason": "not started"}
         try:
             with AppLog(plan.out / "app.log") as app_log, _ticker(config, plan.realtime) as ticker:
-                flight = _wire(mission, config, rig, recorder, app_log, ticker, watch)
+                flight = _wire(mission, config, rig, recorder, app_log, ticker, watch, plan.out)
                 begin, wall = tasks.now(), time.perf_counter()
                 with undisturbed(), session if plan.realtime else nullcontext():
                     ending = await flight.run(session if plan.realtime else None)
@@ -133,6 +135,7 @@ def _wire(
     app_log: AppLog,
     ticker: Ticker,
     watch: Watch | None,
+    out: Path,
 ) -> _Flight:
     """Connect everything."""
     bus, line = Bus(), Line()
@@ -140,7 +143,7 @@ def _wire(
     bus.event.tap(app_log.write)
     bus.fault.tap(bus.event.publish)
     rig.autopilot.notices.tap(bus.event.publish)
-    known = rig.survey(told(mission.track, config))
+    known = with_map(rig.survey(told(mission.track, config)), config)
     modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)
     context = Context(bus, config, rig.autopilot, line, machine, known, modules.guard.release)
@@ -164,6 +167,8 @@ def _wire(
         try:
             return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
         finally:
+            if track := mapped(known, modules.estimator.places()):
+                write_map(out / "map.toml", track)
             await rig.autopilot.close()
             rig.worker.close()
             await rig.close()
@@ -197,6 +202,11 @@ def choose_modules(config: Config, track: Track, camera: CameraModel) -> tasks.M
 def told(track: Track, config: Config) -> Track:
     """``track`` as far as flight code may know it: without the gates' places where these are to be found out."""
     return track if config.mission.gates_known else track.without_places()
+
+
+def with_map(track: Track, config: Config) -> Track:
+    """``track`` with its gates as the map of an earlier flight has them, if one is to be used."""
+    return read_map(Path(config.mission.map), track) if config.mission.map else track
 
 
 def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:

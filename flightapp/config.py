@@ -220,6 +220,7 @@ class Mission(Section):
     land_timeout: Finite = Field(30.0, gt=1.0, le=300.0, description="s")
     laps: int = Field(1, ge=1, le=1000, description="laps to fly")
     gates_known: bool = Field(True, description="use the track's places of gates; false: only their ids and markers")
+    map: str = Field("", description="the map.toml of an earlier flight, whose places of gates are used")
     geofence: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
         (-100.0, -100.0, -1.0, 100.0, 100.0, 30.0),
         description="m, world: least x, y, z and greatest x, y, z of the box within which gates are searched for",
@@ -351,7 +352,7 @@ class Simulation(Section):
     gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")
     step: Finite = Field(0.001, gt=0.0, le=0.001, description="s, integration step")
     faults: tuple[tuple[Finite, str, Finite | str], ...] = Field(
-        (), description="(s of the flight's clock, fault, value) over MAVLink, such as [[20.0, 'silence', 2.0]]"
+        (), description="(s of the flight's clock, fault, value): sim/sensor_faults.py, or sim/mavlink/faults.py over MAVLink"
     )
 
 

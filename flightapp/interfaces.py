@@ -62,6 +62,10 @@ class Estimator(Protocol):
         """The gates as they stand, stamped ``stamp``."""
         ...
 
+    def places(self) -> tuple[GateEstimate, ...]:
+        """The same gates with their covariances in the world, to be kept for another flight."""
+        ...
+
     def take_notices(self) -> tuple[str, ...]:
         """What there is to tell since the last call, in words."""
         ...

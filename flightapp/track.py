@@ -75,6 +75,16 @@ class GateShape(BaseModel):
         return np.array([[(0.0, y + dy, z + dz) for dy, dz in square] for y, z in centres])
 
 
+class Uncertainty(BaseModel):
+    """How well the place of a gate is known before the flight."""
+
+    model_config = FORBID
+
+    horizontal: float = Field(0.0, ge=0.0, le=20.0, description="m, radius of the disc that holds the gate")
+    vertical: float = Field(0.0, ge=0.0, le=5.0, description="m, half-height of that disc")
+    yaw_deg: float = Field(0.0, ge=0.0, le=90.0, description="°, greatest error of the yaw")
+
+
 class MarkedGate(BaseModel):
     """A gate that can be told from others when it is seen."""
 
@@ -89,21 +99,12 @@ class Gate(MarkedGate):
 
     position: Point = Field(description="m, centre of the opening")
     yaw_deg: Finite = Field(description="°, direction of passage")
+    uncertainty: Uncertainty | None = Field(None, description="how well that is known; else as the track says")
 
     @property
     def yaw(self) -> float:
         """Direction of passage, rad."""
         return math.radians(self.yaw_deg)
-
-
-class Uncertainty(BaseModel):
-    """How well the gates' positions are known before the flight."""
-
-    model_config = FORBID
-
-    horizontal: float = Field(0.0, ge=0.0, le=20.0, description="m, radius of the disc that holds the gate")
-    vertical: float = Field(0.0, ge=0.0, le=5.0, description="m, half-height of that disc")
-    yaw_deg: float = Field(0.0, ge=0.0, le=90.0, description="°, greatest error of the yaw")
 
 
 class Start(BaseModel):

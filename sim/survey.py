@@ -6,7 +6,7 @@ import numpy as np
 
 from flightapp.inputs import BadInputError
 from flightapp.messages import GateEstimate
-from flightapp.track import Gate, Track, Uncertainty
+from flightapp.track import Track, Uncertainty
 
 
 def survey(track: Track, rng: np.random.Generator, exact: bool) -> Track:
@@ -16,10 +16,11 @@ def survey(track: Track, rng: np.random.Generator, exact: bool) -> Track:
     intervals; a gate is kept above the ground.
     """
     if exact:
-        return track.model_copy(update={"uncertainty": Uncertainty()})
-    u = track.uncertainty
-    gates = []
+        gates = tuple(gate.model_copy(update={"uncertainty": None}) for gate in track.gates)
+        return track.model_copy(update={"gates": gates, "uncertainty": Uncertainty()})
+    moved_gates = []
     for gate in track.gates:
+        u = gate.uncertainty or track.uncertainty
         radius = u.horizontal * math.sqrt(rng.uniform())
         angle = rng.uniform(-math.pi, math.pi)
         x, y, z = gate.position
@@ -29,8 +30,8 @@ def survey(track: Track, rng: np.random.Generator, exact: bool) -> Track:
             max(z + rng.uniform(-1.0, 1.0) * u.vertical, 0.5 * track.gate.opening),
         )
         yaw = gate.yaw_deg + rng.uniform(-1.0, 1.0) * u.yaw_deg
-        gates.append(Gate(id=gate.id, position=moved, yaw_deg=yaw, markers=gate.markers))
-    return track.model_copy(update={"gates": tuple(gates)})
+        moved_gates.append(gate.model_copy(update={"position": moved, "yaw_deg": yaw}))
+    return track.model_copy(update={"gates": tuple(moved_gates)})
 
 
 def true_gates(track: Track) -> tuple[GateEstimate, ...]:

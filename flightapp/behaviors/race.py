@@ -13,7 +13,7 @@ from flightapp.frames import Vector
 from flightapp.messages import Event, GateEstimate, Outcome, VehicleState
 from flightapp.planning.course import is_known
 from flightapp.planning.goal import Goal
-from flightapp.planning.passage import crossing
+from flightapp.planning.passage import crossing, in_gate
 from flightapp.planning.search import way_round
 
 MISS = 2.0
@@ -24,6 +24,8 @@ SETTLED = 0.5
 """s at rest, after which a gate that is not known is searched for."""
 STUCK = 3.0
 """s at rest before a known gate, after which it is flown at from its front."""
+SHIFT = 0.5
+"""m by which a gate may move in the map between two looks; beyond it the vehicle has crossed nothing."""
 RUN_UP = 3.0
 """m before a gate from where it is flown at again."""
 
@@ -41,6 +43,7 @@ class Race(Behavior):
         ids = tuple(gate.id for gate in context.track.passage) * laps
         self._goal = Goal(finish, context.limits, ids, serial=new_serial())
         self._ahead: float | None = None
+        self._approach: tuple[int, Vector] | None = None
         self._attempts = 1
         self._searched = 0.0
         self._resting_since: float | None = None
@@ -99,7 +102,14 @@ class Race(Behavior):
 
     def _crossed(self, gate: GateEstimate, before: VehicleState, state: VehicleState) -> float | None:
         """Count ``gate`` when it was passed; how far (m) from its centre when its plane was crossed beside it."""
-        crossed = crossing(before.position, state.position, gate)
+        here, last = in_gate(state.position, gate), self._approach
+        self._approach = gate.gate_id, here
+        if last is None or last[0] != gate.gate_id:
+            return None
+        flown = float(np.linalg.norm(state.position - before.position))
+        if float(np.linalg.norm(here - last[1])) > flown + SHIFT:
+            return None
+        crossed = crossing(last[1], here)
         if crossed is None:
             return None
         opening = self.context.track.gate.opening

@@ -69,7 +69,7 @@ class FusionEstimator:
             a = CORE + GATE * i
             self._x[a : a + GATE] = prior_state(gate)
             if self._register.placed[i]:
-                self._P[range(a, a + GATE), range(a, a + GATE)] = np.square(self._register.deviations)
+                self._P[range(a, a + GATE), range(a, a + GATE)] = np.square(self._register.deviations[i])
         self._memory, self._imu = StepMemory(size), ImuMemory()
         self._epoch, self._version, self._unbelieved = 0, 0, 0
         self._posed = self._seen = -math.inf
@@ -158,11 +158,22 @@ class FusionEstimator:
 
     def gate_map(self, stamp: float) -> GateMap:
         """The gates whose places are known, in order, and the tracker's drift, as they stand."""
-        x, register = self._x.copy(), self._register
-        covariances, drift = np.empty((len(register.ids), GATE, GATE)), np.empty((4, 4))
+        covariances, drift = np.empty((len(self._register.ids), GATE, GATE)), np.empty((4, 4))
         gates_from_vehicle(self._P, CORE, covariances)
         drift_covariance(self._P, drift)
-        gates = tuple(
+        x, known = self._x[:CORE].copy(), float(self._memory.newest[STAMP]) if self._memory.count else stamp
+        gates = self._gates(covariances)
+        return GateMap(stamp, self._version, gates, Drift(known, x[DRIFT : DRIFT + 3], float(x[YAW]), drift))
+
+    def places(self) -> tuple[GateEstimate, ...]:
+        """The same gates with their covariances in the world, to be kept for another flight."""
+        n = len(self._register.ids)
+        blocks = self._P[CORE:, CORE:].reshape(n, GATE, n, GATE)
+        return self._gates(blocks[range(n), :, range(n)])
+
+    def _gates(self, covariances: Vector) -> tuple[GateEstimate, ...]:
+        x, register = self._x.copy(), self._register
+        return tuple(
             GateEstimate(
                 gate_id,
                 x[at : at + 3],
@@ -175,8 +186,6 @@ class FusionEstimator:
             for i, (gate_id, at) in enumerate(zip(register.ids, range(CORE, x.size, GATE), strict=True))
             if register.placed[i]
         )
-        known = float(self._memory.newest[STAMP]) if self._memory.count else stamp
-        return GateMap(stamp, self._version, gates, Drift(known, x[DRIFT : DRIFT + 3], float(x[YAW]), drift))
 
     def take_notices(self) -> tuple[str, ...]:
         """What there is to tell since the last call, in words."""

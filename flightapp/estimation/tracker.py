@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from flightapp.config import Config
 from flightapp.estimation.fusion import FusionEstimator
-from flightapp.messages import GateMap, ImuSample, PoseSample, Sightings, VehicleState
+from flightapp.messages import GateEstimate, GateMap, ImuSample, PoseSample, Sightings, VehicleState
 from flightapp.track import Track
 
 FAULTLESS = {
@@ -53,6 +53,10 @@ class TrackerEstimator:
     def gate_map(self, stamp: float) -> GateMap:
         """The gates in the tracker's frame."""
         return self._filter.gate_map(stamp)
+
+    def places(self) -> tuple[GateEstimate, ...]:
+        """The same gates with their covariances in that frame, to be kept for another flight."""
+        return self._filter.places()
 
     def take_notices(self) -> tuple[str, ...]:
         """What there is to tell since the last call, in words."""

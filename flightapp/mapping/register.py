@@ -35,10 +35,11 @@ class GateRegister:
         n = len(track.passage)
         self.ids = tuple(gate.id for gate in track.passage)
         self.index = {gate_id: i for i, gate_id in enumerate(self.ids)}
-        self.deviations = prior_deviations(track)
-        """(4,) of x, y, z (m) and yaw (rad) before the first sighting."""
         self.placed = [isinstance(gate, Gate) for gate in track.passage]
-        self.surveyed = [placed and self.deviations[0] <= config.mapping.known_sigma for placed in self.placed]
+        self.deviations = [prior_deviations(gate, track) for gate in track.passage]
+        """(4,) of x, y, z (m) and yaw (rad) of each gate before the first sighting."""
+        known = config.mapping.known_sigma
+        self.surveyed = [p and d[0] <= known for p, d in zip(self.placed, self.deviations, strict=True)]
         self.sightings = [0] * n
         self.last_seen = [-math.inf] * n
         self._moved_after = config.mapping.moved_after
@@ -94,9 +95,9 @@ def prior_state(gate: MarkedGate) -> Vector:
     return np.array((*gate.position, math.remainder(gate.yaw, 2.0 * math.pi)))
 
 
-def prior_deviations(track: Track) -> tuple[float, float, float, float]:
-    """Deviations of x, y (a uniform disc), z and yaw (uniform intervals) before the first sighting."""
-    u = track.uncertainty
+def prior_deviations(gate: MarkedGate, track: Track) -> tuple[float, float, float, float]:
+    """Deviations of x, y (a uniform disc), z and yaw (uniform intervals) of ``gate`` before the first sighting."""
+    u = gate.uncertainty if isinstance(gate, Gate) and gate.uncertainty is not None else track.uncertainty
     across = max(0.5 * u.horizontal, SURVEY_POSITION)
     up = max(u.vertical / math.sqrt(3.0), SURVEY_POSITION)
     return across, across, up, max(math.radians(u.yaw_deg) / math.sqrt(3.0), SURVEY_YAW)

@@ -8,7 +8,7 @@ import pytest
 
 from flightapp.messages import GateEstimate
 from flightapp.planning.line import Line, SpliceError
-from flightapp.planning.passage import crossing
+from flightapp.planning.passage import crossing, in_gate
 from flightapp.trajectory import hover
 
 
@@ -150,9 +150,17 @@ GATE = GateEstimate(1, np.array((5.0, 0.0, 1.5)), 0.0, np.zeros((4, 4)), 9, 0.0)
 
 
 def test_a_crossing_is_noticed_with_its_offset():
-    crossed = crossing(np.array((4.0, 0.3, 1.5)), np.array((6.0, 0.3, 1.9)), GATE)
+    crossed = crossing(in_gate(np.array((4.0, 0.3, 1.5)), GATE), in_gate(np.array((6.0, 0.3, 1.9)), GATE))
     assert crossed is not None
     assert crossed.offset == pytest.approx(math.hypot(0.3, 0.2))
+
+
+def test_a_correction_of_the_map_does_not_hide_a_crossing():
+    """The gate turns out to be where the vehicle has just been: both points are behind the corrected plane."""
+    corrected = replace(GATE, position=np.array((4.8, 0.0, 1.5)))
+    before, after = np.array((4.85, 0.1, 1.5)), np.array((4.9, 0.1, 1.5))
+    assert crossing(in_gate(before, corrected), in_gate(after, corrected)) is None
+    assert crossing(in_gate(before, GATE), in_gate(after, corrected)) is not None
 
 
 @pytest.mark.parametrize(
@@ -160,4 +168,4 @@ def test_a_crossing_is_noticed_with_its_offset():
     [((6.0, 0.0, 1.5), (4.0, 0.0, 1.5)), ((3.0, 0.0, 1.5), (4.9, 0.0, 1.5)), ((5.1, 0.0, 1.5), (7.0, 0.0, 1.5))],
 )
 def test_backwards_before_and_beyond_are_not_crossings(before, after):
-    assert crossing(np.array(before), np.array(after), GATE) is None
+    assert crossing(in_gate(np.array(before), GATE), in_gate(np.array(after), GATE)) is None
