@@ -109,21 +109,21 @@ class Estimation(Section):
     """Vehicle state: what the tracker and the inertial sensors get wrong, as standard deviations."""
 
     estimator: str = Field("fusion", description="entry point in flightapp.estimators")
-    start_position: Finite = Field(0.005, gt=0.0, le=5.0, description="m, of the start in the track's frame")
+    start_position: Finite = Field(0.003, gt=0.0, le=5.0, description="m, of the start in the track's frame")
     start_yaw: Finite = Field(0.002, gt=0.0, le=1.0, description="rad, of the heading there")
     position_noise: Finite = Field(0.003, gt=0.0, le=1.0, description="m, of the tracker from sample to sample")
     velocity_noise: Finite = Field(0.03, gt=0.0, le=2.0, description="m/s, of the tracker from sample to sample")
     scale_error: Finite = Field(0.03, gt=0.0, le=0.3, description="share of the way by which the tracker is off")
     drift_walk: Finite = Field(0.01, ge=0.0, le=1.0, description="m/√m, walk of the tracker's origin with the way")
     drift_at_rest: Finite = Field(0.001, gt=0.0, le=1.0, description="m/√s, the same with time")
-    yaw_walk: Finite = Field(0.006, ge=0.0, le=0.2, description="rad/√m, walk of the tracker's heading with the way")
+    yaw_walk: Finite = Field(0.005, ge=0.0, le=0.2, description="rad/√m, walk of the tracker's heading with the way")
     yaw_at_rest: Finite = Field(0.0005, gt=0.0, le=0.2, description="rad/√s, the same with time")
-    slip_across: Finite = Field(0.003, ge=0.0, le=0.5, description="its horizontal velocity error, share of the speed")
+    slip_across: Finite = Field(0.002, ge=0.0, le=0.5, description="its horizontal velocity error, share of the speed")
     slip_up: Finite = Field(0.04, ge=0.0, le=1.0, description="s/m, its vertical velocity error per squared speed")
-    slip_time: Finite = Field(0.5, gt=0.01, le=100.0, description="s, time constant with which these errors change")
-    tilt_error: Finite = Field(0.006, gt=0.0, le=0.2, description="rad, the tracker's error of roll and pitch")
+    slip_time: Finite = Field(0.3, gt=0.01, le=100.0, description="s, time constant with which these errors change")
+    tilt_error: Finite = Field(0.005, gt=0.0, le=0.2, description="rad, the tracker's error of roll and pitch")
     tilt_time: Finite = Field(5.0, gt=0.1, le=1000.0, description="s, time constant with which that changes")
-    accelerometer_noise: Finite = Field(0.12, gt=0.0, le=10.0, description="m/s²/√Hz, vibration included")
+    accelerometer_noise: Finite = Field(0.1, gt=0.0, le=10.0, description="m/s²/√Hz, vibration included")
     accelerometer_bias: Finite = Field(0.15, gt=0.0, le=5.0, description="m/s², at the start")
     accelerometer_walk: Finite = Field(0.005, ge=0.0, le=1.0, description="m/s²/√s, by which the bias walks")
     manoeuvre: Finite = Field(5.0, gt=0.1, le=100.0, description="m/s²/√Hz, accelerations where nothing feels them")
@@ -134,10 +134,10 @@ class Estimation(Section):
 class GateMapping(Section):
     """Gate map."""
 
-    attitude_error: Finite = Field(0.005, ge=0.0, le=0.2, description="rad, of tracker and camera mount together")
-    range_error: Finite = Field(0.005, ge=0.0, le=0.2, description="share of the distance, camera calibration")
+    attitude_error: Finite = Field(0.004, ge=0.0, le=0.2, description="rad, of tracker and camera mount together")
+    range_error: Finite = Field(0.004, ge=0.0, le=0.2, description="share of the distance, camera calibration")
     sync_error: Finite = Field(0.001, ge=0.0, le=0.1, description="s, between the stamps of camera and tracker")
-    correlation_time: Finite = Field(0.5, ge=0.0, le=10.0, description="s during which these errors stay the same")
+    correlation_time: Finite = Field(0.3, ge=0.0, le=10.0, description="s during which these errors stay the same")
     moved_after: int = Field(15, ge=2, le=1000, description="refused sightings in a row that make a gate a moved one")
     gate: Finite = Field(16.0, gt=1.0, le=100.0, description="χ² (4 dof) beyond which a sighting is refused")
     gate_walk: Finite = Field(0.0, ge=0.0, le=1.0, description="m/√s, by which gates wander")
@@ -352,7 +352,8 @@ class Simulation(Section):
     gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")
     step: Finite = Field(0.001, gt=0.0, le=0.001, description="s, integration step")
     faults: tuple[tuple[Finite, str, Finite | str], ...] = Field(
-        (), description="(s of the flight's clock, fault, value): sim/sensor_faults.py, or sim/mavlink/faults.py over MAVLink"
+        (),
+        description="(s of the flight's clock, fault, value): sim/sensor_faults.py, or sim/mavlink/faults.py over MAVLink",
     )
 
 

@@ -135,6 +135,11 @@ class Planner(Protocol):
 class Controller(Protocol):
     """Tracks a trajectory."""
 
+    @property
+    def push(self) -> float:
+        """m/s², the steady horizontal push, such as the wind's, that it has learnt to lean against."""
+        ...
+
     def reset(self) -> None:
         """Forget integrators and filters, at the start of a new flight."""
         ...

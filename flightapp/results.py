@@ -89,6 +89,12 @@ def sweep_table(summary: dict[str, Any]) -> Table:
     rate = f"{100.0 * summary['rate']:.1f} %"
     interval = f"{100.0 * low:.1f} to {100.0 * high:.1f} %"
     table.add_row(str(summary["runs"]), str(summary["successes"]), rate, interval, *times)
+    if (estimation := summary["estimation"]) is not None:
+        ours, raw, nees = estimation["rmse"]["p50"], estimation["tracker_rmse"]["p50"], estimation["nees"]["mean"]
+        table.add_row("estimate", f"{ours:.3f} m", f"tracker {raw:.3f} m", f"NEES {nees:.2f} (3)")
+    offset = summary["offset"]
+    if offset["max"] is not None:
+        table.add_row("gates", f"{offset['p50']:.2f} m", f"at most {offset['max']:.2f} m", "from the centre")
     for failed in summary["failures"]:
         table.add_row(f"seed {failed['seed']}", failed["why"])
     return table

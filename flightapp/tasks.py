@@ -24,6 +24,7 @@ from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
 from flightapp.realtime import resident
+from flightapp.sensors.frames import FrameIntake
 from flightapp.timing import Ticker
 from flightapp.track import Track
 from flightapp.trajectory import Trajectory
@@ -53,9 +54,13 @@ def now() -> float:
 
 
 async def camera(rig: Rig, bus: Bus) -> None:
-    """Hardware → frames."""
+    """Hardware → frames, without those that a frozen camera repeats."""
+    intake = FrameIntake()
     async for frame in rig.camera.frames():
-        bus.frame.publish(frame)
+        if intake.take(frame):
+            bus.frame.publish(frame)
+        if intake.notice:
+            bus.event.publish(Event(now(), "camera", intake.notice))
 
 
 async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track: Track) -> None:
@@ -130,7 +135,7 @@ async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, line: L
             except PlanningError as error:
                 bus.plan.publish(PlanReport(asked, now() - asked, False, str(error)))
         if line.latest is not None:
-            _repace(rig, bus, modules.navigator, goal, line)
+            _repace(rig, bus, modules, goal, line)
 
 
 async def _plan(
@@ -156,11 +161,12 @@ async def _plan(
     bus.plan.publish(PlanReport(asked, now() - asked, True, ""))
 
 
-def _repace(rig: Rig, bus: Bus, navigator: Navigator, goal: Goal, line: Line) -> None:
+def _repace(rig: Rig, bus: Bus, modules: Modules, goal: Goal, line: Line) -> None:
     """Fly on faster or slower along the same plan, where that is wanted."""
     status = rig.autopilot.status.latest
     voltage = status.voltage if status is not None else math.nan
-    change = navigator.repace(now(), goal, bus.gate_map.latest, line, voltage)
+    navigator = modules.navigator
+    change = navigator.repace(now(), goal, bus.gate_map.latest, line, voltage, modules.controller.push)
     if change is not None:
         choice, text = change
         line.accept(choice.flown)

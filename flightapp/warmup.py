@@ -64,6 +64,9 @@ def _estimate(config: Config, track: Track, spare: Modules) -> tuple[VehicleStat
         spare.estimator.on_sightings(Sightings(stamp - 0.005, count, (), (sighting,)))
         for later in (0.005, 0.016):
             spare.estimator.on_imu(ImuSample(stamp + later, upward, rest))
+    # So long after the last pose that it coasts.
+    for later in (0.025, 0.05):
+        spare.estimator.on_imu(ImuSample(stamp + later, upward, rest))
     spare.estimator.gate_map(stamp)
     return state, gate_id
 

@@ -13,7 +13,7 @@ from flightapp.frames import Vector
 from flightapp.jit import kernel
 from flightapp.messages import MarkerDetection
 from flightapp.perception.camera import CameraModel
-from sim.detector_model import WRONG_SIGMA, bowed_corners, chance_found, corner_scatter, marker_look
+from sim.detector_model import WRONG, bowed_corners, chance_found, corner_scatter, marker_look
 from sim.render import PoseAt, camera_poses, ray_grid
 from sim.scene import Quads, Scene
 
@@ -121,9 +121,9 @@ def _observe(
             continue
         found[m] = True
         bowed_corners(pixels[1, m], out[m])
-        core, wrong = corner_scatter(look)
+        good, wrong = corner_scatter(look, cells)
         for i in range(4):
-            sigma = WRONG_SIGMA if chance[m, i] < wrong else core
+            sigma = wrong if chance[m, i] < WRONG else good
             out[m, i, 0] += sigma * scatter[m, i, 0]
             out[m, i, 1] += sigma * scatter[m, i, 1]
     return found
@@ -133,10 +133,16 @@ class CornerCamera:
     """A camera that finds the markers itself."""
 
     def __init__(self, scene: Scene, camera: CameraModel, exposure: float, seed: int) -> None:
-        self._scene = scene
         self._camera = camera
         self._exposure = exposure
         self._rng = np.random.default_rng(seed)
+        rays = ray_grid(camera, 64, 64).reshape(-1, 3)
+        self._least_cos = float(rays[rays.any(axis=1), 2].min()) - 0.05
+        self.look_at(scene)
+
+    def look_at(self, scene: Scene) -> None:
+        """From now on look at another ``scene``."""
+        self._scene = scene
         boards = scene.boards
         whole = boards.corners[:, :, 2].min(axis=1, initial=np.inf) >= 0.0
         corners = boards.corners[whole]
@@ -147,8 +153,6 @@ class CornerCamera:
         self._cells = boards.black.shape[1] - 1
         self._owners = boards.quad[whole]
         self._ids = [int(marker) for marker in boards.ids[whole]]
-        rays = ray_grid(camera, 64, 64).reshape(-1, 3)
-        self._least_cos = float(rays[rays.any(axis=1), 2].min()) - 0.05
 
     def detect(self, stamp: float, pose_at: PoseAt) -> tuple[MarkerDetection, ...]:
         """The markers found in the exposure that is centred on ``stamp``, in the order of the track."""

@@ -1,10 +1,15 @@
 """How likely the marker detector is to find a marker, and how far off its corners are.
 
-Fitted to what `flightapp.perception.aruco.ArucoDetector` made of 2,900 images of `sim.render.Renderer`: pinhole
-640×480 and fisheye 848×800, 1.2 to 12 m, up to 70° off the gate's axis, exposures of 4, 8 and 15 ms, body rates of
-0, 0.45 and 1.5 rad/s and speeds of 0, 1.2 and 4 m/s (1 σ per axis); 8,967 markers of dictionary 4X4_50 wholly in
-view, up to 25 px of blur. In 103 bins of size, aspect and blur the share found is met to 0.04 RMS, at worst 0.19; in
-53 of them the corners' RMS is met to a factor of 0.82 to 1.43 (10 to 90 %), at worst 0.5 and 2.2.
+Fitted by maximum likelihood to what `flightapp.perception.aruco.ArucoDetector`, tracking in the boxes of
+`flightapp.perception.regions`, made of 3,840 images of `sim.render.Renderer`: pinhole 640×480 and fisheye 848×800, 1.2
+to 16 m, up to 75° off the gate's axis, gates anywhere in the image, exposures of 4, 8 and 15 ms, body rates of 0, 0.45
+and 1.5 rad/s and speeds of 0, 1.2 and 4 m/s (1 σ per axis); 13,304 markers of dictionary 4X4_50 wholly in view. In
+whole images half of the markers are read at a size 0.1 px per cell away from that in boxes, at most.
+
+Against 1,666 markers of other images: the shares found in 21 bins of size, blur and bend are met to 0.03 RMS, which is
+chance, at worst 0.10; the corners' RMS in 10 bins to factors of 0.78 to 1.5. Of the markers fitted to, in 53 bins, to
+factors of 0.83 to 1.38 (10 to 90 %), at worst 0.67 and 2.0. Errors of a marker's corners are drawn independently; those
+of markers narrower than 12 px are in truth correlated by about 0.5, as their cells pull at all of them.
 """
 
 import math
@@ -15,39 +20,40 @@ import numpy as np
 from flightapp.frames import Vector
 from flightapp.jit import kernel
 
-NARROW, NARROW_STEEPNESS = 6.56 / 6.0, 6.0
+NARROW, NARROW_STEEPNESS = 1.284, 11.3
 """px per cell across the narrow side at which every other marker is read; exponent of the odds."""
-FORESHORTENED, FORESHORTENING = 0.87, 0.83
-"""Narrower over wider side from which on it matters, and the exponent with which the narrow side counts less."""
-SIDE, SIDE_STEEPNESS = 11.1, 24.0
+SIDE, SIDE_STEEPNESS = 8.71, 21.6
 """px, mean side at which every other marker is long enough around to be looked at; exponent."""
-SMEARED, SMEARED_STEEPNESS = 1.63, 24.7
+SMEARED, SMEARED_STEEPNESS = 1.733, 14.1
 """Blur along a marker's axes in cells at which every other marker is read; exponent."""
-SOFT, SOFT_STEEPNESS = 15.0, 8.7
+SOFT, SOFT_STEEPNESS = 16.7, 8.35
 """px, blur at which every other quad is seen at all; exponent."""
+BENT, BENT_STEEPNESS = 0.232, 4.8
+"""Sagitta in cells of a side that the lens bends, at which every other marker is read; exponent."""
 
-CORE = 0.035
-"""px, standard deviation of the corners of a large, sharp marker."""
-CORE_SMALL, CORE_SMALL_POWER = 0.204, 2.77
-"""px at a narrow side of 10 px, and the power of the narrow side with which it falls."""
-CORE_SMEARED, CORE_SMEARED_POWER = 0.128, 2.57
-"""px at a blur of one cell, and the power of the blur with which it grows."""
-CORE_SOFT = 0.5
-"""px at a blur of 10 px; grows with its third power."""
-WRONG_ASPECT, WRONG_SLOPE = 0.45, 10.0
-"""Narrower over wider side at which every other corner of a small marker is far off; how steeply the odds fall."""
-WRONG_SIZE, WRONG_POWER = 19.5, 16.0
-"""px, narrow side at which their share is halved, and how steeply it falls."""
-WRONG_SMEARED = 0.016
-"""Share of corners far off at a blur of one cell; grows with its fourth power."""
-WRONG_SIGMA = 1.0
-"""px, standard deviation of these."""
+CORE = 0.0303
+"""px, standard deviation of the corners of a sharp marker of middling size."""
+CORE_SMALL, SMALL, SMALL_POWER = 0.223, 13.2, 5.27
+"""px of the smallest markers, whose cells pull at their corners; px of the narrow side at which it is half of that, and
+the power with which it falls."""
+CORE_BENT, CORE_BENT_POWER = 0.267, 1.44
+"""Cells at a sagitta of one cell, and the power of the sagitta."""
+CORE_SMEARED, CORE_SMEARED_POWER = 0.0164, 2.61
+"""Cells at a blur of one cell, and the power of the blur with which it grows."""
+WRONG, WRONG_TIMES = 0.563, 3.67
+"""Share of the corners that blur puts so many times further off."""
 
 BOW = 2.0 / 3.0
 """A straight line fitted to a side that the lens bends lies this part of the sagitta off the corners' chord.
 
-So the mean of a parabola has it. For markers of 35 to 50 px in the fisheye's images, the detector's corners lie
-0.34 px RMS off the true corners, but 0.07 px off these.
+So the mean of a parabola has it.
+"""
+BOW_SIDE = 30.0
+"""px, length of a side at which half of its bend is seen; it is seen the better, the longer the side.
+
+The detector expects little bend: it fits nearly straight lines to shorter sides, and parabolas to longer ones, whose
+ends scatter twice as much. For sharp markers of 14 px and more in the fisheye's images its corners lie 0.09 px RMS off
+the true corners, but 0.06 px off these.
 """
 
 
@@ -56,23 +62,23 @@ class Look(NamedTuple):
 
     narrow: float
     """px, the narrower of its two widths."""
-    aspect: float
-    """Narrower over wider."""
     side: float
     """px, mean side."""
     blur: float
     """px that it moves during the exposure."""
     smear: float
     """The same in its own cells, along the axis where it is more."""
+    bend: float
+    """Sagitta in cells of the side that is bent most."""
 
 
 @kernel
 def marker_look(before: Vector, pixels: Vector, after: Vector, cells: int) -> Look:
-    """How a marker of ``cells`` cells a side looks; corners (4.., 2) px before, in and after mid exposure."""
-    side = 0.0
+    """How a marker of ``cells`` cells a side looks; (8, 2) px before, in and after mid exposure as `bowed_corners`'."""
+    side, sagitta = 0.0, 0.0
     for i in range(4):
-        j = (i + 1) % 4
-        side += 0.25 * math.hypot(pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1])
+        length, off = _bent(pixels, i)
+        side, sagitta = side + 0.25 * length, max(sagitta, abs(off))
     bx = 0.25 * (after[:4, 0].sum() - before[:4, 0].sum())
     by = 0.25 * (after[:4, 1].sum() - before[:4, 1].sum())
     ux = 0.5 * (pixels[1, 0] - pixels[0, 0] + pixels[2, 0] - pixels[3, 0])
@@ -82,31 +88,48 @@ def marker_look(before: Vector, pixels: Vector, after: Vector, cells: int) -> Lo
     area = max(abs(ux * vy - uy * vx), 1e-6)
     u, v = max(math.hypot(ux, uy), 1e-6), max(math.hypot(vx, vy), 1e-6)
     smear = cells * max(abs(bx * vy - by * vx), abs(ux * by - uy * bx)) / area
-    return Look(area / max(u, v), min(u, v) / max(u, v), side, math.hypot(bx, by), smear)
+    narrow = area / max(u, v)
+    return Look(narrow, side, math.hypot(bx, by), smear, cells * sagitta / narrow)
 
 
 @kernel
 def chance_found(look: Look, cells: int) -> float:
     """Probability that the detector finds a marker."""
-    read = look.narrow / (NARROW * cells) * min(1.0, look.aspect / FORESHORTENED) ** FORESHORTENING
-    chance: float = 1.0 / (1.0 + max(read, 1e-3) ** -NARROW_STEEPNESS)
+    chance: float = 1.0 / (1.0 + max(look.narrow / (NARROW * cells), 1e-3) ** -NARROW_STEEPNESS)
     chance /= 1.0 + max(look.side / SIDE, 1e-3) ** -SIDE_STEEPNESS
     chance /= 1.0 + min(look.smear / SMEARED, 1e3) ** SMEARED_STEEPNESS
     chance /= 1.0 + min(look.blur / SOFT, 1e3) ** SOFT_STEEPNESS
+    chance /= 1.0 + min(look.bend / BENT, 1e3) ** BENT_STEEPNESS
     return chance
 
 
 @kernel
-def corner_scatter(look: Look) -> tuple[float, float]:
-    """Standard deviation (px) of a good corner, and the share of corners that are far off (`WRONG_SIGMA`)."""
-    small = CORE_SMALL * (10.0 / max(look.narrow, 5.0)) ** CORE_SMALL_POWER
-    smeared = CORE_SMEARED * look.smear**CORE_SMEARED_POWER
-    soft = CORE_SOFT * (0.1 * look.blur) ** 3
-    core = math.sqrt(CORE * CORE + small * small + smeared * smeared + soft * soft)
-    wrong = 1.0 / (1.0 + math.exp(WRONG_SLOPE * (look.aspect - WRONG_ASPECT)))
-    wrong /= 1.0 + (look.narrow / WRONG_SIZE) ** WRONG_POWER
-    wrong += WRONG_SMEARED * look.smear**4
-    return core, min(wrong, 0.6)
+def corner_scatter(look: Look, cells: int) -> tuple[float, float]:
+    """Standard deviations (px) of a good corner, and of the share `WRONG` of the corners."""
+    cell = look.narrow / cells
+    sharp = CORE * (1.0 + _bend_seen(look.side))
+    small = CORE_SMALL / (1.0 + (look.narrow / SMALL) ** SMALL_POWER)
+    bent = CORE_BENT * cell * look.bend**CORE_BENT_POWER
+    smeared = CORE_SMEARED * cell * look.smear**CORE_SMEARED_POWER
+    least = sharp * sharp + small * small + bent * bent
+    return math.sqrt(least + smeared * smeared), math.sqrt(least + (WRONG_TIMES * smeared) ** 2)
+
+
+@kernel
+def _bend_seen(side: float) -> float:
+    """Part of a side's bend that the detector fits; ``side`` in px."""
+    return 1.0 - 1.0 / (1.0 + (side / BOW_SIDE) ** 4)
+
+
+@kernel
+def _bent(pixels: Vector, i: int) -> tuple[float, float]:
+    """Length of side ``i`` and its sagitta to the left, as seen in the image; px (8, 2) as `bowed_corners`'."""
+    j = (i + 1) % 4
+    dx, dy = pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]
+    length = max(math.hypot(dx, dy), 1e-9)
+    mx = pixels[4 + i, 0] - 0.5 * (pixels[i, 0] + pixels[j, 0])
+    my = pixels[4 + i, 1] - 0.5 * (pixels[i, 1] + pixels[j, 1])
+    return length, (mx * dy - my * dx) / length
 
 
 @kernel
@@ -115,22 +138,17 @@ def bowed_corners(pixels: Vector, out: Vector) -> None:
 
     Side i goes from corner i to the next.
     """
+    normals, shifts = np.empty((4, 2)), np.empty(4)
     for i in range(4):
-        before = (i + 3) % 4
-        nx = np.empty(2)
-        ny = np.empty(2)
-        shift = np.empty(2)
-        for j in range(2):
-            a = before if j == 0 else i
-            b = (a + 1) % 4
-            ex, ey = pixels[b, 0] - pixels[a, 0], pixels[b, 1] - pixels[a, 1]
-            length = max(math.hypot(ex, ey), 1e-9)
-            nx[j], ny[j] = ey / length, -ex / length
-            mx = pixels[4 + a, 0] - 0.5 * (pixels[a, 0] + pixels[b, 0])
-            my = pixels[4 + a, 1] - 0.5 * (pixels[a, 1] + pixels[b, 1])
-            shift[j] = BOW * (mx * nx[j] + my * ny[j])
-        determinant = nx[0] * ny[1] - nx[1] * ny[0]
+        j = (i + 1) % 4
+        length, sagitta = _bent(pixels, i)
+        normals[i, 0] = (pixels[j, 1] - pixels[i, 1]) / length
+        normals[i, 1] = (pixels[i, 0] - pixels[j, 0]) / length
+        shifts[i] = BOW * sagitta * (1.0 - _bend_seen(length))
+    for i in range(4):
+        p, q = normals[i - 1], normals[i]
+        determinant = p[0] * q[1] - p[1] * q[0]
         out[i, 0], out[i, 1] = pixels[i, 0], pixels[i, 1]
         if abs(determinant) > 0.05:
-            out[i, 0] += (shift[0] * ny[1] - shift[1] * ny[0]) / determinant
-            out[i, 1] += (nx[0] * shift[1] - nx[1] * shift[0]) / determinant
+            out[i, 0] += (shifts[i - 1] * q[1] - shifts[i] * p[1]) / determinant
+            out[i, 1] += (p[0] * shifts[i] - q[0] * shifts[i - 1]) / determinant

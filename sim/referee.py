@@ -202,9 +202,8 @@ class Referee:
     def __init__(self, track: Track, radius: float, laps: int = 1) -> None:
         self._ids = tuple(gate.id for gate in track.gates)
         self._due = self._ids * laps
-        self._gates = np.array([(*g.position, math.cos(g.yaw), math.sin(g.yaw)) for g in track.gates]).reshape(-1, 5)
         self._half = 0.5 * track.gate.opening
-        self._solids, self._owners, self._names = _solids(track)
+        self.rearrange(track)
         self._radius = radius
         self._last: Vector | None = None
         self._contact = np.zeros(len(self._names), np.int64)
@@ -212,6 +211,11 @@ class Referee:
         self._events = np.empty((4 * (len(self._ids) + len(self._names)), 4))
         self._passed = 0
         self._wrong: list[WrongPassage] = []
+
+    def rearrange(self, track: Track) -> None:
+        """From now on the gates stand as ``track`` says, which has the same ones."""
+        self._gates = np.array([(*g.position, math.cos(g.yaw), math.sin(g.yaw)) for g in track.gates]).reshape(-1, 5)
+        self._solids, self._owners, self._names = _solids(track)
 
     @property
     def passed(self) -> tuple[int, ...]:

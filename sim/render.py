@@ -83,7 +83,6 @@ class Renderer:
     """
 
     def __init__(self, scene: Scene, camera: CameraModel, exposure: float, seed: int) -> None:
-        self._scene = scene
         self._camera = camera
         self._exposure = exposure
         self._ground = make_ground(np.random.default_rng([scene.seed, 1]))
@@ -93,11 +92,16 @@ class Renderer:
         self._rays = ray_grid(camera, w, h)
         self._background_rays = ray_grid(camera, wb, hb)
         self._cones = _tile_cones(self._rays)
-        self._outlines = _outlines(scene.quads)
         self._gain = _vignetting(self._rays)
         self._noise = self._rng.standard_normal(NOISE_POOL + w, np.float32)
         self._background = np.empty((hb, wb), np.float32)
         self._light = np.empty((h, w), np.float32)
+        self.look_at(scene)
+
+    def look_at(self, scene: Scene) -> None:
+        """From now on look at another ``scene``, on the same ground."""
+        self._scene = scene
+        self._outlines = _outlines(scene.quads)
 
     def render(self, stamp: float, pose_at: PoseAt) -> NDArray[np.uint8]:
         """The image (h, w) whose exposure is centred on ``stamp``."""

@@ -1,7 +1,9 @@
 """The simulated drone, as the application sees it: the only edge at which simulation enters."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -9,10 +11,10 @@ import numpy as np
 from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
 from flightapp.frames import quat_yaw
-from flightapp.inputs import BadInputError
 from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
+from flightapp.sensors.intake import PoseIntake
 from flightapp.track import Track
 from flightapp.worker import ThreadWorker
 from sim.clock import RealtimeLoop, VirtualLoop
@@ -20,6 +22,7 @@ from sim.corner_camera import CornerCamera
 from sim.px4.position_control import PositionController, turn
 from sim.render import PoseAt, Renderer
 from sim.scene import Scene
+from sim.sensor_faults import CameraFaults, Fault, PoseFaults, read_faults, rearranged
 from sim.survey import survey
 from sim.t265 import make_tracker
 from sim.world import World
@@ -33,18 +36,19 @@ BACKLOG = 0.5
 class SimCamera:
     """A camera on the simulated vehicle, rendering images or finding corners itself."""
 
-    def __init__(self, config: Config, track: Track, seed: int, world: World) -> None:
+    def __init__(self, config: Config, track: Track, seed: int, world: World, faults: Sequence[Fault] = ()) -> None:
         self._config = config.camera
         self._world = world
-        self._model = config.camera.model()
-        scene = Scene.from_track(track)
+        self._faults = CameraFaults(faults, seed)
+        self._track = track
         kind = Renderer if config.sim.camera == "rendered" else CornerCamera
-        self._camera = kind(scene, self._model, config.camera.exposure, seed)
+        self._camera = kind(Scene.from_track(track), config.camera.model(), config.camera.exposure, seed)
 
     @property
     def model(self) -> CameraModel:
-        """The calibration; the simulated camera is calibrated perfectly."""
-        return self._model
+        """The calibration; the simulated camera is calibrated perfectly, unless that is its fault."""
+        true = self._config.model()
+        return replace(true, focal=true.focal * np.array((self._faults.focal, self._faults.focal, 1.0, 1.0)))
 
     async def frames(self) -> AsyncIterator[Frame]:
         """Frames at the camera's rate, each delivered its latency after the middle of its exposure."""
@@ -53,9 +57,12 @@ class SimCamera:
         sequence = 0
         while True:
             stamp = origin + sequence / self._config.rate
-            await asyncio.sleep(max(stamp + max(self._config.latency, self._config.exposure) - loop.time(), 0.0))
+            latency = max(self._config.latency, self._config.exposure) + self._faults.lateness(stamp)
+            await asyncio.sleep(max(stamp + latency - loop.time(), 0.0))
             self._world.advance()
-            yield self.expose(stamp, sequence)
+            frame = self._faults.expose(stamp, self._world.pose_at, partial(self.expose, stamp, sequence))
+            if frame is not None:
+                yield frame
             sequence = max(sequence + 1, int((loop.time() - BACKLOG - origin) * self._config.rate))
 
     def expose(self, stamp: float, sequence: int, pose_at: PoseAt | None = None) -> Frame:
@@ -64,17 +71,32 @@ class SimCamera:
         ``pose_at`` tells the true pose around the stamp where the world itself may not be asked.
         """
         known = pose_at or self._world.pose_at
+        if self._world.track is not self._track:
+            self._track = self._world.track
+            self._camera.look_at(Scene.from_track(self._track))
         if isinstance(self._camera, CornerCamera):
             return Frame(stamp, sequence, None, self._camera.detect(stamp, known))
         return Frame(stamp, sequence, self._camera.render(stamp, known))
 
 
 class SimTracker:
-    """A tracker on the simulated vehicle; also publishes the truth, for the log, as often."""
+    """A tracker on the simulated vehicle; also publishes the truth, for the log, as often.
 
-    def __init__(self, config: Config, seed: int, world: World) -> None:
+    Its samples go through ``intake``, if there is one.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        seed: int,
+        world: World,
+        faults: Sequence[Fault] = (),
+        intake: PoseIntake | None = None,
+    ) -> None:
         self._world = world
         self._tracker = make_tracker(config, seed)
+        self._faults = PoseFaults(faults)
+        self._intake = intake
 
     async def poses(self) -> AsyncIterator[PoseSample]:
         """Samples at the tracker's rate, in order, each when it would arrive."""
@@ -90,8 +112,11 @@ class SimTracker:
             self._world.truth.motion.publish(truth)
             self._world.feel(stamp)
             measured = self._tracker.sample(truth)
-            if measured is not None:
-                yield measured[0]
+            sample = self._faults.apply(measured[0]) if measured is not None else None
+            if sample is not None and self._intake is not None:
+                sample = self._intake.take(sample, loop.time())
+            if sample is not None:
+                yield sample
             count = max(count + 1, int((loop.time() - BACKLOG - origin) * self._tracker.rate))
 
 
@@ -115,17 +140,20 @@ class SimRig:
     """A simulated drone in a simulated world, the same for the same ``seed``."""
 
     def __init__(self, config: Config, track: Track, seed: int) -> None:
-        if config.sim.faults:
-            raise BadInputError("sim.faults are of the link and the vehicle behind it; fly with --sim --mavlink")
+        faults = read_faults(config.sim.faults)
+        (_, track), *later = rearranged(track, faults)
         seeds = np.random.SeedSequence(seed)
         world_seed, camera_seed, tracker_seed, survey_seed = seeds.spawn(4)
         loop = asyncio.get_running_loop()
         exercise(config, track)
         self._world = World(config, track, world_seed, loop.time)
+        for stamp, another in later:
+            self._world.rearrange(stamp, another)
         self._survey_seed, self._exact = survey_seed, config.sim.survey == "exact"
         self.autopilot: Autopilot = self._world.autopilot
-        self.camera: FrameSource = SimCamera(config, track, number(camera_seed), self._world)
-        self.tracker: PoseSource = SimTracker(config, number(tracker_seed), self._world)
+        self.camera: FrameSource = SimCamera(config, track, number(camera_seed), self._world, faults)
+        intake = PoseIntake.of_body(config)
+        self.tracker: PoseSource = SimTracker(config, number(tracker_seed), self._world, faults, intake)
         self.worker: Worker = ModelledWorker(config) if isinstance(loop, VirtualLoop) else ThreadWorker()
         self.truth: GroundTruthFeed | None = self._world.truth
 

@@ -26,12 +26,15 @@ What flight code shall do about it:
 | pose_silent, pose_frozen    | coasts for estimation.coast and flies on where poses are back by then; else it hands   |
 |                             | over to the autopilot, which lands                                                     |
 | pose_jump, pose_relocalised | flies on; nothing else is visible                                                      |
-| camera_frozen, camera_black | flies on through gates that are known; waits before others, searches, lands in the end |
+| camera_frozen, camera_black | flies on through gates that are known; stops before others, or where a gate ought to   |
+|                             | be in sight, searches, and lands when race.search_timeout is over: WRONG_PROGRESS      |
 | camera_slow, camera_late    | flies on                                                                               |
 | sightings_wrong             | flies on: what contradicts the map is not used                                         |
 | calibration_wrong           | flies on, off the gates' centres                                                       |
 | gate_missing                | searches for it, and lands when race.search_timeout is over: WRONG_PROGRESS            |
-| gate_moved, gates_swapped   | says so, learns the new places and flies through there                                 |
+| gate_moved                  | says so, learns the new place and flies through there                                  |
+| gates_swapped               | says so; searches for the one that is next, and flies through all in their order, or   |
+|                             | lands when race.search_timeout is over: WRONG_PROGRESS                                 |
 """
 
 import math
@@ -157,16 +160,16 @@ class PoseFaults:
 
     def apply(self, sample: PoseSample) -> PoseSample | None:
         """What the tracker tells instead of ``sample``; None for nothing."""
-        acting = {fault.name: fault for fault in self._faults if fault.acts(sample.stamp)}
-        for fault in self._faults:
-            if fault.name == "pose_relocalised" and fault.acts(sample.stamp):
+        acting = [fault for fault in self._faults if fault.acts(sample.stamp)]
+        for fault in acting:
+            if fault.name == "pose_relocalised":
                 sample = self._relocalised(fault, sample)
-        if (jump := acting.get("pose_jump")) is not None:
-            sample = replace(sample, position=sample.position + np.array((jump.amount[0], 0.0, 0.0)))
-        if "pose_frozen" in acting and self._last is not None:
-            sample = replace(self._last, stamp=sample.stamp)
+            elif fault.name == "pose_jump":
+                sample = replace(sample, position=sample.position + np.array((fault.amount[0], 0.0, 0.0)))
+            elif fault.name == "pose_frozen" and self._last is not None:
+                sample = replace(self._last, stamp=sample.stamp)
         self._last = sample
-        return None if "pose_silent" in acting else sample
+        return None if any(fault.name == "pose_silent" for fault in acting) else sample
 
     def _relocalised(self, fault: Fault, sample: PoseSample) -> PoseSample:
         centre = self._places.setdefault(fault, sample.position)
@@ -209,7 +212,7 @@ class CameraFaults:
             frame = replace(self._last, stamp=stamp, sequence=frame.sequence)
         elif self._acting(stamp, "camera_black"):
             image = None if frame.image is None else np.zeros_like(frame.image)
-            frame = replace(frame, image=image, markers=None if frame.markers is None else ())
+            frame = replace(frame, image=image, markers=())
         self._last = frame
         return frame
 

@@ -42,11 +42,18 @@ class World:
             Topic("truth"), Topic("passage"), Topic("collision"), Topic("true_gates"), Topic("arrivals")
         )
         self._time = time
-        self._gates = true_gates(track)
+        self._later: list[tuple[float, Track]] = []
+        self.track = track
+        """How everything stands now."""
+        true_gates(track)
 
     def announce(self) -> None:
         """Publish where the gates really are, for the log."""
-        self.truth.gates.publish(self._gates)
+        self.truth.gates.publish(true_gates(self.track))
+
+    def rearrange(self, stamp: float, track: Track) -> None:
+        """At ``stamp`` let the gates stand as ``track`` says, which has the same ones."""
+        self._later.append((stamp, track))
 
     def advance(self) -> None:
         """Bring everything to the present, then judge it; who hits something loses its motors here."""
@@ -56,6 +63,10 @@ class World:
         self.autopilot.advance(now)
         for verdict in self.referee.observe(self.plant.trace):
             self._announce(verdict)
+        while self._later and self._later[0][0] <= now:
+            self.track = self._later.pop(0)[1]
+            self.referee.rearrange(self.track)
+            self.announce()
 
     def state_at(self, stamp: float) -> GroundTruth:
         """The true motion at a recent ``stamp``."""

@@ -205,6 +205,11 @@ class FlatnessController:
         self._count = 0
         self._learnt[:] = 0.0
 
+    @property
+    def push(self) -> float:
+        """m/s², the steady horizontal push that it has learnt to lean against."""
+        return math.hypot(self._learnt[0], self._learnt[1])
+
     def command(self, stamp: float, state: VehicleState, trajectory: Trajectory) -> RateCommand:
         """Body rates and specific force to send at ``stamp``, from the newest ``state``.
 

@@ -16,9 +16,10 @@ from flightapp.estimation.correction import place, sighted, use_sighting
 from flightapp.estimation.imu import ImuMemory
 from flightapp.estimation.memory import StepMemory, coasted, pose_row
 from flightapp.estimation.output import STATE, describe, drift_covariance, gates_from_vehicle
-from flightapp.estimation.process import ATTITUDE, CORE, DRIFT, GATE, POSITION, ROW, STAMP, YAW, attitude
+from flightapp.estimation.process import ATTITUDE, CORE, DRIFT, GATE, POSITION, RATES, ROW, STAMP, YAW, attitude
 from flightapp.estimation.settings import POSE_GATE, process_settings
 from flightapp.frames import Vector
+from flightapp.mapping.absence import AbsenceWatch
 from flightapp.mapping.register import GateRegister, hypotheses, prior_state
 from flightapp.messages import (
     Drift,
@@ -44,6 +45,8 @@ MIRRORED_YAW = 0.5
 """rad, deviation of the yaw of a gate that was placed by a sighting with two explanations."""
 SILENCE = 0.02
 """s without a pose from which the filter coasts on the inertial sensors."""
+STEADY = 1.5
+"""rad/s, turning faster than that nothing is expected to be seen."""
 UNBELIEVED = 20
 """Poses in a row that the filter did not believe, after which its own state is not to be trusted."""
 
@@ -70,7 +73,7 @@ class FusionEstimator:
             self._x[a : a + GATE] = prior_state(gate)
             if self._register.placed[i]:
                 self._P[range(a, a + GATE), range(a, a + GATE)] = np.square(self._register.deviations[i])
-        self._memory, self._imu = StepMemory(size), ImuMemory()
+        self._memory, self._imu, self._watch = StepMemory(size), ImuMemory(), AbsenceWatch(config, track)
         self._epoch, self._version, self._unbelieved = 0, 0, 0
         self._posed = self._seen = -math.inf
         self._z = np.empty(4)
@@ -117,13 +120,30 @@ class FusionEstimator:
             return False
         self._seen = seen.stamp
         known = [(self._register.index[s.gate_id], s) for s in seen.gates if s.gate_id in self._register.index]
+        missing = self._missing({s.gate_id for s in seen.gates})
         if not known:
-            return False
+            return missing
         row, following = self._memory.rewind(seen.stamp, self._x, self._P, self._settings)
         changed = [self._use(i, sighting, row) for i, sighting in known]
         self._memory.resume(row, following, self._x, self._P, self._settings)
         self._version += any(changed)
-        return any(changed)
+        return missing or any(changed)
+
+    def _missing(self, seen: set[int]) -> bool:
+        """Whether a gate is lost that should be in the frame in which those ``seen`` are."""
+        row, register = self._memory.newest, self._register
+        if float(np.linalg.norm(row[RATES : RATES + 3])) > STEADY:
+            return False
+        q_wb, lost = attitude(self._x, row[ATTITUDE : ATTITUDE + 4]), False
+        for gate in self.gate_map(float(row[STAMP])).gates:
+            i = register.index[gate.gate_id]
+            if self._watch.look(gate, gate.gate_id in seen, self._x[:3], q_wb) and (
+                register.surveyed[i] or register.sightings[i]
+            ):
+                register.lost(i)
+                lost = True
+        self._version += lost
+        return lost
 
     def _use(self, i: int, sighting: GateSighting, row: Vector) -> bool:
         """Correct the state with one sighting of the gate ``i`` from the step ``row``; whether anything changed."""

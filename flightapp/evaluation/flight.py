@@ -62,6 +62,8 @@ class States(Motions):
     """(n, 9): position (m²), velocity (m²/s²), rotation vector in body axes (rad²)."""
     doubtful: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
     """(n,), 1 where the estimator said that it is not to be trusted."""
+    position_covariance: Vector = field(default_factory=lambda: _empty(3))
+    """(n, 3) m²: of the position's covariance xy, xz and yz."""
 
 
 @dataclass(frozen=True, slots=True)

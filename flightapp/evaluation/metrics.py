@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flightapp.evaluation.flight import Flight, Motions, Setpoints
+from flightapp.evaluation.flight import Flight, Motions, Setpoints, States
 from flightapp.frames import Vector
 from flightapp.messages import Phase, PlanReport
 from flightapp.timing import TickStatistics
@@ -98,6 +98,21 @@ def velocity_error(reference: Motions | Setpoints, actual: Motions, window: Wind
     """As `position_error`, of the velocity in m/s."""
     at = _common(reference.stamp, actual.stamp, window)
     return reference.stamp[at], reference.velocity[at] - _read(actual, actual.velocity, reference.stamp[at])
+
+
+def position_nees(states: States, truth: Motions, window: Window) -> float | None:
+    """Mean of eᵀ P⁻¹ e of the position, 3 for a consistent estimator; None where there is nothing to compare.
+
+    Y. Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation" (2001), 5.4.2.
+    """
+    at = _common(states.stamp, truth.stamp, window)
+    _, error = position_error(states, truth, window)
+    if error.shape[0] == 0:
+        return None
+    P = np.empty((error.shape[0], 3, 3))
+    P[:, (0, 1, 2), (0, 1, 2)] = states.variance[at, :3]
+    P[:, (0, 0, 1), (1, 2, 2)] = P[:, (1, 2, 2), (0, 0, 1)] = states.position_covariance[at]
+    return float(np.mean(np.einsum("ni,ni->n", error, np.linalg.solve(P, error[..., None])[..., 0])))
 
 
 def rmse(error: Vector) -> Rmse | None:

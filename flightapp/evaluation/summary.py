@@ -16,6 +16,7 @@ from flightapp.evaluation.metrics import (
     Window,
     plan_statistics,
     position_error,
+    position_nees,
     racing_window,
     rmse,
     sender_statistics,
@@ -116,9 +117,11 @@ def _errors(flight: Flight, window: Window) -> dict[str, Any]:
         "speed_rmse": velocity_error(flight.setpoints, flight.states, window),
         "speed_rmse_truth": velocity_error(flight.setpoints, flight.truth, window),
         "estimation_rmse": position_error(flight.states, flight.truth, window),
+        "tracker_rmse": position_error(flight.poses, flight.truth, window),
     }
     totals = {name: rmse(error) for name, (_, error) in errors.items()}
-    return {name: total and asdict(total) for name, total in totals.items()}
+    nees = {"estimation_nees": position_nees(flight.states, flight.truth, window)}
+    return {name: total and asdict(total) for name, total in totals.items()} | nees
 
 
 def _gates(flight: Flight, window: Window, settings: Mapping[str, Any]) -> list[dict[str, Any]]:

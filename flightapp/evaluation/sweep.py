@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from flightapp.evaluation.summary import why_failed
 
@@ -40,12 +41,41 @@ def sweep_summary(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     reasons = [(result.get("seed"), result.get("why") or why_failed(result)) for result in results]
     elapsed = [result["elapsed"] for result, (_, why) in zip(results, reasons, strict=True) if not why]
     successes = len(elapsed)
-    p50, p95 = np.percentile(elapsed, (50.0, 95.0)).tolist() if elapsed else (None, None)
+    flown = [result for result in results if "why" not in result]
+    offsets = [gate["offset"] for result in flown for gate in result["gates"] if gate.get("offset") is not None]
     return {
         "runs": len(results),
         "successes": successes,
         "rate": successes / len(results) if results else 0.0,
         "ci95": list(wilson_interval(successes, len(results))),
-        "elapsed": {"p50": p50, "p95": p95},
+        "elapsed": _quantiles(elapsed),
+        "offset": {**_quantiles(offsets), "max": max(offsets, default=None)},
+        "estimation": _estimation(flown),
         "failures": [{"seed": seed, "why": why} for seed, why in reasons if why],
+    }
+
+
+def _quantiles(values: Sequence[float]) -> dict[str, float | None]:
+    p50, p95 = np.percentile(values, (50.0, 95.0)).tolist() if values else (None, None)
+    return {"p50": p50, "p95": p95}
+
+
+def _estimation(results: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """The estimates' position errors (m) against ground truth and the tracker's own, and how consistent they are.
+
+    "band95" holds the mean NEES of 95 % of such sweeps with a consistent estimator whose errors hardly change during
+    a flight; errors that change make it narrower. None without ground truth.
+    """
+    judged = [r for r in results if r.get("estimation_rmse") and r.get("tracker_rmse") and r.get("estimation_nees")]
+    if not judged:
+        return None
+    ours = [r["estimation_rmse"]["total"] for r in judged]
+    theirs = [r["tracker_rmse"]["total"] for r in judged]
+    band = np.asarray(chi2.ppf((0.025, 0.975), 3 * len(judged))) / len(judged)
+    return {
+        "rmse": _quantiles(ours),
+        "tracker_rmse": _quantiles(theirs),
+        "ratio": _quantiles([a / b for a, b in zip(ours, theirs, strict=True) if b > 0.0]),
+        "halved": sum(a <= 0.5 * b for a, b in zip(ours, theirs, strict=True)),
+        "nees": {"mean": float(np.mean([r["estimation_nees"] for r in judged])), "band95": band.tolist()},
     }

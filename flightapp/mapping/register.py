@@ -17,18 +17,21 @@ SURVEY_YAW = 0.02
 AGREEMENT = 0.5
 """m within which sightings agree with each other."""
 PLACED_AFTER = 3
-"""Sightings in a row that agree on where a gate is of which nothing was known."""
+"""Sightings by which one place of a gate must lead where nothing was known of it."""
 APART = 1.0
 """s without a sighting that fits, after which a refused one is no longer a contradiction."""
 CONTRADICTIONS = 5
-"""Refused sightings amid good ones that mean that the same markers are at two places."""
+"""Refused sightings at one place amid good ones that mean that the same markers are at two places."""
 
 
 class GateRegister:
     """The gates of a track, by their place in the order of passage, with what their sightings told.
 
-    A gate's sighting that the map refuses ``mapping.moved_after`` times in a row at one other place means that it has
-    moved. Refusals amid sightings that fit mean that a second gate carries the same markers.
+    Sightings that the map refuses vote on one other place of the gate: one there counts for it, one elsewhere against
+    it (R. Boyer and J. Moore, "MJRTY: A fast majority vote algorithm", 1991), and one that fits the map ends the vote.
+    Where ``mapping.moved_after`` are left for it the gate has moved; where only few sightings, perhaps wrong ones, tell
+    of the gate's place, these few have to be outvoted. Refusals at one place amid sightings that fit mean that a second
+    gate carries the same markers.
     """
 
     def __init__(self, config: Config, track: Track) -> None:
@@ -62,22 +65,32 @@ class GateRegister:
 
     def refused(self, i: int, stamp: float, place: Vector) -> bool:
         """Count a sighting of gate ``i`` at ``place`` (3,), which the map refused; True where the gate has moved."""
-        if stamp - self.last_seen[i] < APART:
+        agrees = self._vote(i, place)
+        if agrees and stamp - self.last_seen[i] < APART:
             self._contradictions[i] += 1
             if self._contradictions[i] == CONTRADICTIONS:
                 self.notices.append(f"gate {self.ids[i]} is seen at two places: are its markers there twice?")
-        return self._agrees(i, place) >= self._moved_after
+        few = self._moved_after if self.surveyed[i] else PLACED_AFTER + self.sightings[i]
+        return agrees and self._refused[i] >= min(few, self._moved_after)
 
     def found(self, i: int, place: Vector) -> bool:
         """Count a sighting at ``place`` (3,) of gate ``i``, which has no place yet; True where it can be believed."""
-        return self._agrees(i, place) >= PLACED_AFTER
+        return self._vote(i, place) and self._refused[i] >= PLACED_AFTER
 
-    def _agrees(self, i: int, place: Vector) -> int:
-        """How many sightings in a row have agreed on ``place``."""
+    def _vote(self, i: int, place: Vector) -> bool:
+        """Whether ``place`` is the one that is voted on."""
         agrees = math.dist(place.tolist(), self._refused_at[i].tolist()) < AGREEMENT
-        self._refused[i] = self._refused[i] + 1 if agrees else 1
-        self._refused_at[i] = place
-        return self._refused[i]
+        if agrees or self._refused[i] == 0:
+            self._refused[i] += 1
+            self._refused_at[i] = place
+        else:
+            self._refused[i] -= 1
+        return agrees
+
+    def lost(self, i: int) -> None:
+        """Gate ``i`` is not where it should be: it must be seen anew before it is known."""
+        self.notices.append(f"gate {self.ids[i]} should be in sight, but is not")
+        self.surveyed[i], self.sightings[i] = False, 0
 
     def placed_anew(self, i: int, stamp: float, place: Vector) -> None:
         """Gate ``i`` is now at ``place`` (3,), whatever was known of it."""

@@ -30,6 +30,9 @@ BEND = 3e-4
 """px of a side's sagitta over its squared length, standard deviation: a camera with strong distortion."""
 SCAN_NOISE = 0.2
 """px, standard deviation of the edge on a scan."""
+ROUGH, ROUGH_SHARE = 0.15, 0.1
+"""px, and share of a module: RMS by which the edge may lie off the curve; markers are of straight cuts, other dark
+shapes of as many cells are not."""
 
 
 @inlined
@@ -79,18 +82,18 @@ def _edge_offset(image: Image, x: float, y: float, nx: float, ny: float, reach: 
 
 
 @kernel
-def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, lines: Vector) -> bool:
+def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, lines: Vector) -> float:
     """Fit the edge near the side from ``a`` to ``b``; its tangents there into ``lines`` (2, 3).
 
-    They are n·x = c with n pointing outward.
+    They are n·x = c with n pointing outward. RMS (px) by which the edge lies off the fit, NaN where there is none.
     """
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = math.sqrt(dx * dx + dy * dy)
     if length < 4.0:
-        return False
+        return math.nan
     nx, ny = dy / length, -dx / length
     # Normal equations of an offset c0 + c1 t + c2 (t² - 1/4), t from -1/2 to 1/2 along the side; -4 c2 is its sagitta.
-    n, s1, s2, s3, s4, r0, r1, r2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    n, s1, s2, s3, s4, r0, r1, r2, squares = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(scans):
         t = (1.0 - 2.0 * CORNER_SHARE) * ((k + 0.5) / scans - 0.5)
         offset = _edge_offset(image, a[0] + (t + 0.5) * dx, a[1] + (t + 0.5) * dy, nx, ny, reach)
@@ -99,16 +102,16 @@ def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, line
         q = t * t - 0.25
         n += 1
         s1, s2, s3, s4 = s1 + t, s2 + q, s3 + t * q, s4 + q * q
-        r0, r1, r2 = r0 + offset, r1 + offset * t, r2 + offset * q
+        r0, r1, r2, squares = r0 + offset, r1 + offset * t, r2 + offset * q, squares + offset * offset
     if n < LEAST_SCANS:
-        return False
+        return math.nan
     t2 = s2 + 0.25 * n
     s4 += (SCAN_NOISE / (4.0 * BEND * length * length)) ** 2
     # Without the constant, then without the slope.
     a11, a12, a22 = t2 - s1 * s1 / n, s3 - s1 * s2 / n, s4 - s2 * s2 / n
     b1, b2 = r1 - s1 * r0 / n, r2 - s2 * r0 / n
     if a11 < 1e-6:
-        return False
+        return math.nan
     c2 = (b2 - a12 * b1 / a11) / (a22 - a12 * a12 / a11)
     c1 = (b1 - a12 * c2) / a11
     c0 = (r0 - c1 * s1 - c2 * s2) / n
@@ -119,7 +122,8 @@ def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, line
         px, py = a[0] + end * dx + offset * nx, a[1] + end * dy + offset * ny
         lines[end, 0], lines[end, 1] = nx - slope * dx / length, ny - slope * dy / length
         lines[end, 2] = lines[end, 0] * px + lines[end, 1] * py
-    return abs(c1) < 0.4 * length
+    off = math.sqrt(max(squares - c0 * r0 - c1 * r1 - c2 * r2, 0.0) / n)
+    return off if abs(c1) < 0.4 * length else math.nan
 
 
 @kernel
@@ -138,17 +142,20 @@ def refine_corners(image: Image, corners: Vector, modules: int, refined: Vector)
     """Put ``corners`` (4, 2) in pixels, refined in ``image`` (h, w), into ``refined`` (4, 2).
 
     Corners go clockwise in the image; a marker has ``modules`` a side, with the black border. Where the edges can't
-    be fitted, or corners would move further than a module and two pixels, they stay as they came, and it is False.
+    be fitted, or corners would move further than a module and two pixels, they stay as they came. False where there
+    are edges, but not of straight sides.
     """
     quad, lines = corners.copy(), np.empty((4, 2, 3))
-    good = True
+    good, straight = True, True
     for scans in SCANS:
+        straight = True
         for side in range(4):
             a, b = quad[side], quad[(side + 1) % 4]
             # Across the side: of markers seen askew that is less than along it.
             module = quad_area(quad) / (modules * math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) + 1e-9)
             reach = min(max(0.9 * module, 1.5), LONGEST_SCAN)
-            good = good and _fit_side(image, a, b, reach, scans, lines[side])
+            off = _fit_side(image, a, b, reach, scans, lines[side]) if good else math.nan
+            good, straight = not math.isnan(off), straight and not off > ROUGH + ROUGH_SHARE * module
         for side in range(4):
             good = good and _meet(lines[side - 1, 1], lines[side, 0], quad[side])
     for side in range(4):
@@ -159,4 +166,4 @@ def refine_corners(image: Image, corners: Vector, modules: int, refined: Vector)
     for side in range(4):
         refined[side, 0] = quad[side, 0] if good else corners[side, 0]
         refined[side, 1] = quad[side, 1] if good else corners[side, 1]
-    return good
+    return straight

@@ -46,7 +46,8 @@ def _read(
         # A glance spares most of what is no marker the fit.
         if not (read_cells(image, quads[m], 1, cells) and has_border(cells)):
             continue
-        refine_corners(image, quads[m], modules, refined)
+        if not refine_corners(image, quads[m], modules, refined):
+            continue
         if not (read_cells(image, refined, PROBES, cells) and has_border(cells)):
             continue
         recognise(cells, templates, codes, readings[count])

@@ -1,4 +1,4 @@
-"""How fast is wise: a share of the planned speed, from what is known of the gate ahead and of the battery."""
+"""How fast is wise: a share of the planned speed, from what is known of the gate ahead, the battery and the wind."""
 
 import math
 from collections.abc import Sequence
@@ -16,6 +16,8 @@ BAND = 0.06
 """Change of the wanted rate that is worth a change of pace."""
 PATIENCE = 0.6
 """s for which a higher rate must have been wanted before the pace goes up: no chatter, and down at once."""
+CALM = 0.5
+"""m/s², less than that is drag that the controller doesn't know, and costs no pace."""
 INTERVAL = 0.05
 """s between the moments of a plan at which its specific force is looked at."""
 
@@ -25,20 +27,26 @@ class Caution:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._holds: dict[str, float] = {}
         self._faster_since = math.inf
 
-    def hold_back(self, why: str, rate: float) -> None:
-        """Fly no faster than ``rate`` until told 1 for the same reason ``why``: wind and the like."""
-        self._holds[why] = rate
-
     def wanted(
-        self, stamp: float, flying: Paced, gates: Sequence[GateEstimate], shape: GateShape, voltage: float
+        self,
+        stamp: float,
+        flying: Paced,
+        gates: Sequence[GateEstimate],
+        shape: GateShape,
+        voltage: float,
+        push: float,
     ) -> tuple[float, str]:
-        """The rate for the plan being flown after ``stamp``, and why; ``voltage`` (V) is NaN where it is not known."""
-        flown = flying.flown
-        reasons = [(rate, why) for why, rate in self._holds.items()]
-        reasons.append((self._battery(flying, stamp, voltage), f"the battery gives {voltage:.1f} V"))
+        """The rate for the plan being flown after ``stamp``, and why.
+
+        ``voltage`` (V) is the battery's, NaN where it is not known; ``push`` (m/s²) what it takes to lean against wind.
+        """
+        flown, full = flying.flown, self._config.planning.thrust_share * self._config.vehicle.thrust_max
+        left = full * self._left(voltage)
+        reasons = [(self._within(flying, stamp, left), f"the battery gives {voltage:.1f} V")]
+        if push > CALM:
+            reasons.append((self._within(flying, stamp, left - push), f"the wind takes {push:.1f} m/s²"))
         by_id = {gate.gate_id: gate for gate in gates}
         for gate_id, time in zip(flown.gate_ids, flown.gate_times, strict=True):
             ahead = flown.stamp + time - stamp
@@ -69,21 +77,23 @@ class Caution:
         why = f"gate {gate.gate_id} is known to {sigma:.2f} m"
         return max(room, 0.0) / (planning.pace_sigmas * sigma), why
 
-    def _battery(self, flying: Paced, stamp: float, voltage: float) -> float:
-        """The greatest rate at which the rest of the plan needs no more than the thrust that ``voltage`` gives.
+    def _left(self, voltage: float) -> float:
+        """What the battery's ``voltage`` leaves of the full thrust, which goes with its square."""
+        nominal = self._config.vehicle.hover_voltage
+        return (voltage / nominal) ** 2 if math.isfinite(voltage) and 0.0 < voltage < nominal else 1.0
 
-        Thrust goes with the square of the voltage. At a rate s the specific force is g + s² a, whose length must stay
-        below F: |a|² s⁴ + 2 g·a s² + g² = F² at each moment.
+    def _within(self, flying: Paced, stamp: float, force: float) -> float:
+        """The greatest rate at which the rest of the plan needs no more than the specific ``force`` F.
+
+        At a rate s it is g + s² a, whose length must stay below F: |a|² s⁴ + 2 g·a s² + g² = F² at each moment.
         """
-        vehicle = self._config.vehicle
-        if not (math.isfinite(voltage) and 0.0 < voltage < vehicle.hover_voltage):
+        if force >= self._config.planning.thrust_share * self._config.vehicle.thrust_max:
             return 1.0
-        share = (voltage / vehicle.hover_voltage) ** 2
-        force = self._config.planning.thrust_share * share * vehicle.thrust_max
         if force <= GRAVITY:
             return 0.0
-        duration = flying.plan.duration
-        times = np.arange(min(flying.place(stamp), duration), duration + INTERVAL, INTERVAL)
+        times = np.arange(flying.place(stamp), flying.plan.duration + INTERVAL, INTERVAL)
+        if not times.size:
+            return 1.0
         a = flying.plan.sample(times).acceleration
         square, lift = np.maximum((a * a).sum(axis=1), 1e-9), GRAVITY * a[:, 2]
         rates = (np.sqrt(lift * lift + square * (force * force - GRAVITY * GRAVITY)) - lift) / square

@@ -125,18 +125,24 @@ class Navigator:
         return self._rate
 
     def repace(
-        self, now: float, goal: Goal, gate_map: GateMap | None, line: Line, voltage: float = math.nan
+        self,
+        now: float,
+        goal: Goal,
+        gate_map: GateMap | None,
+        line: Line,
+        voltage: float = math.nan,
+        push: float = 0.0,
     ) -> tuple[Paced, str] | None:
         """The plan being flown at another pace, to be accepted at once, and what to tell of it; None to go on as is.
 
-        ``voltage`` (V) is the battery's, NaN where it is not known.
+        ``voltage`` (V) is the battery's, NaN where it is not known, and ``push`` (m/s²) the wind's.
         """
         flying = self.pacer.flying
         if flying is None or line.latest is not flying.flown:
             return None
         stamp = max(now, flying.flown.stamp) + PACE_LEAD
         gates = gate_map.gates if gate_map else ()
-        wanted, why = self.caution.wanted(stamp, flying, gates, self._shape, voltage)
+        wanted, why = self.caution.wanted(stamp, flying, gates, self._shape, voltage, push)
         before, wanted = flying.pace.after, min(wanted, self._cap)
         if not self.caution.changes(now, before, wanted):
             return None

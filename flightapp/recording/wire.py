@@ -107,7 +107,7 @@ class Fixed:
 
 _MOTION = {"stamp": 0, "position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3}
 _POSE = Layout("PoseSample", {**_MOTION, "confidence": -1, "acceleration": 3, "epoch": -1})
-_STATE = Layout("VehicleState", {**_MOTION, "variance": 9, "doubtful": -1})
+_STATE = Layout("VehicleState", {**_MOTION, "variance": 9, "doubtful": -1, "position_covariance": 3})
 _TRUTH = Layout("GroundTruth", _MOTION)
 _SETPOINT = Layout(
     "Setpoint",
@@ -116,6 +116,7 @@ _SETPOINT = Layout(
 _IMU = Layout("ImuSample", {"stamp": 0, "specific_force": 3, "angular_velocity": 3})
 _COMMAND = Layout("RateCommand", {"stamp": 0, "rates": 3, "thrust": 0})
 _UNKNOWN = (math.nan,) * 3
+_ROW, _COLUMN = np.array((0, 0, 1)), np.array((1, 2, 2))
 
 
 def _encode_pose(m: PoseSample) -> bytes:
@@ -132,7 +133,7 @@ def _encode_state(m: VehicleState) -> bytes:
     return _STATE.pack(
         *(t[0], m.stamp, t[1], *m.position.tolist(), t[2], *m.orientation.tolist()),
         *(t[3], *m.velocity.tolist(), t[4], *m.angular_velocity.tolist(), t[5], *m.covariance.diagonal().tolist()),
-        *(t[6], m.doubt != ""),
+        *(t[6], m.doubt != "", t[7], *m.covariance[_ROW, _COLUMN].tolist()),
     )
 
 

@@ -2,16 +2,15 @@
 
 import heapq
 import math
-from collections.abc import Callable, Sequence
-from difflib import get_close_matches
+from collections.abc import Callable
 from itertools import count
 from random import Random
 
 from flightapp.inputs import BadInputError
+from sim.fault_values import Value, names, seconds, share, switch, unknown
 from sim.px4.model import Px4
 from sim.px4.modes import NavState
-
-Value = float | str | bool | Sequence[str] | None
+from sim.sensor_faults import SENSOR_FAULTS
 
 
 class Faults:
@@ -39,17 +38,17 @@ class Faults:
         self.missing: frozenset[str] = frozenset()
         """Parameters that this vehicle doesn't know."""
         self._kinds: dict[str, Callable[[Value], Callable[[], object]]] = {
-            "loss": lambda value: self._setting(_share(value), "loss_in", "loss_out"),
-            "loss_in": lambda value: self._setting(_share(value), "loss_in"),
-            "loss_out": lambda value: self._setting(_share(value), "loss_out"),
-            "latency": lambda value: self._setting(_seconds(value), "latency"),
-            "jitter": lambda value: self._setting(_seconds(value), "jitter"),
+            "loss": lambda value: self._setting(share(value), "loss_in", "loss_out"),
+            "loss_in": lambda value: self._setting(share(value), "loss_in"),
+            "loss_out": lambda value: self._setting(share(value), "loss_out"),
+            "latency": lambda value: self._setting(seconds(value), "latency"),
+            "jitter": lambda value: self._setting(seconds(value), "jitter"),
             "silence": self._silence,
-            "telemetry_nan": lambda value: self._setting(_switch(value), "telemetry_nan"),
-            "setpoints_ignored": lambda value: self._setting(_switch(value), "setpoints_ignored"),
-            "vision_ignored": lambda value: self._setting(_switch(value), "vision_ignored"),
-            "acknowledged_early": lambda value: self._setting(_switch(value), "acknowledged_early"),
-            "missing": lambda value: self._setting(_names(value), "missing"),
+            "telemetry_nan": lambda value: self._setting(switch(value), "telemetry_nan"),
+            "setpoints_ignored": lambda value: self._setting(switch(value), "setpoints_ignored"),
+            "vision_ignored": lambda value: self._setting(switch(value), "vision_ignored"),
+            "acknowledged_early": lambda value: self._setting(switch(value), "acknowledged_early"),
+            "missing": lambda value: self._setting(names(value), "missing"),
             "reboot": lambda _: px4.reboot,
             "battery": lambda _: px4.fail_battery,
             "pilot": self._pilot,
@@ -94,9 +93,9 @@ class Faults:
     def _prepare(self, name: str, value: Value) -> Callable[[], object]:
         kind = self._kinds.get(name)
         if kind is None:
-            near = get_close_matches(name, self._kinds, 1)
-            hint = f"; did you mean '{near[0]}'?" if near else f"; there are {', '.join(self._kinds)}"
-            raise BadInputError(f"unknown fault '{name}'{hint}")
+            if name in SENSOR_FAULTS:
+                raise BadInputError(f"fault '{name}' is of sensors or gates in the same process; fly without --mavlink")
+            raise unknown(name, self._kinds)
         try:
             return kind(value)
         except ValueError as error:
@@ -110,7 +109,7 @@ class Faults:
         return change
 
     def _silence(self, value: Value) -> Callable[[], object]:
-        duration = _seconds(value)
+        duration = seconds(value)
 
         def begin() -> None:
             self._silent_until = self._time() + duration
@@ -118,50 +117,12 @@ class Faults:
         return begin
 
     def _pilot(self, value: Value) -> Callable[[], object]:
-        names = {state.label.upper(): state for state in NavState} | {state.name: state for state in NavState}
-        state = names.get(str(value).upper())
+        states = {state.label.upper(): state for state in NavState} | {state.name: state for state in NavState}
+        state = states.get(str(value).upper())
         if state is None:
             raise ValueError(f"'{value}' is no flight mode; there are {', '.join(s.label for s in NavState)}")
         return lambda: self._px4.pilot(state)
 
     def _refuse(self, value: Value) -> Callable[[], object]:
-        reason = value if isinstance(value, str) else ("Simulated failure" if _switch(value) else None)
+        reason = value if isinstance(value, str) else ("Simulated failure" if switch(value) else None)
         return lambda: self._px4.refuse_arming(reason or None)
-
-
-def _number(value: Value) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"{value!r} is not a number")
-    try:
-        number = float(value)
-    except ValueError:
-        raise ValueError(f"'{value}' is not a number") from None
-    if not math.isfinite(number):
-        raise ValueError(f"{number} is not finite")
-    return number
-
-
-def _share(value: Value) -> float:
-    number = _number(value)
-    if not 0.0 <= number <= 1.0:
-        raise ValueError(f"a share is 0 to 1, not {number:g}")
-    return number
-
-
-def _seconds(value: Value) -> float:
-    number = _number(value)
-    if number < 0.0:
-        raise ValueError(f"a time is 0 s or more, not {number:g}")
-    return number
-
-
-def _switch(value: Value) -> bool:
-    """None is on: to name a fault is enough."""
-    return True if value is None else value if isinstance(value, bool) else bool(_number(value))
-
-
-def _names(value: Value) -> frozenset[str]:
-    given = value.split(",") if isinstance(value, str) else value if isinstance(value, Sequence) else None
-    if given is None:
-        raise ValueError("give the names of parameters")
-    return frozenset(name.strip() for name in given if name.strip())

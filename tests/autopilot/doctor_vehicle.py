@@ -13,7 +13,14 @@ from flightapp.config import Config
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import AutopilotStatus, FlightMode
 
-RATES = {"HEARTBEAT": 1.0, "CURRENT_MODE": 2.0, "EXTENDED_SYS_STATE": 2.0, "BATTERY_STATUS": 2.0, "ODOMETRY": 50.0}
+RATES = {
+    "HEARTBEAT": 1.0,
+    "CURRENT_MODE": 2.0,
+    "EXTENDED_SYS_STATE": 2.0,
+    "BATTERY_STATUS": 2.0,
+    "ODOMETRY": 50.0,
+    "HIGHRES_IMU": 246.0,
+}
 BY_HAND = {"BAT1_N_CELLS": 4, "RC_MAP_KILL_SW": 6, "RC_MAP_FLTMODE": 5}
 """Good values of what no table can know."""
 

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 from flightapp.config import Config, GateMapping, load_config
 from flightapp.estimation.fusion import FusionEstimator
 from flightapp.frames import quat_from_yaw, quat_multiply, quat_rotate
-from flightapp.messages import PoseSample, Sightings
+from flightapp.messages import GateSighting, PoseSample, Sightings
 
 WHITE = Config(
     mapping=GateMapping(attitude_error=0.0, range_error=0.0, sync_error=0.0, correlation_time=0.0, gate=100.0)
@@ -261,3 +261,21 @@ def test_any_number_of_gates(gates):
     world, estimator = Circling(seed=16), FusionEstimator(Config(), track)
     flown(world, estimator, 1.0)
     assert len(estimator.gate_map(0.0).gates) == gates
+
+
+def test_a_gate_that_is_no_longer_in_sight_must_be_seen_anew():
+    """The vehicle rests before gate 1, which was there and is gone."""
+    estimator, rest = FusionEstimator(Config(), a_track()), np.zeros(3)
+    heading = quat_from_yaw(GATES[1][3])
+    gate = np.array(GATES[1][:3])
+    start = gate - 4.0 * np.array((np.cos(GATES[1][3]), np.sin(GATES[1][3]), 0.0))
+    way = np.array((4.0, 0.0, 0.0))
+    for count in range(400):
+        stamp = 0.005 * count
+        assert estimator.on_pose(PoseSample(stamp, start, heading, rest, rest, 3)) is not None
+        if count % 6 == 1:
+            seen = GateSighting(stamp, 1, way, np.array((1.0, 0.0, 0.0, 0.0)), 1e-4 * np.eye(6), None, 4, 0.1)
+            estimator.on_sightings(Sightings(stamp - 0.003, count, (), (seen,) if count < 200 else ()))
+        known = estimator.gate_map(stamp).gates[0].sightings
+        assert (known > 0) == (6 <= count < 320) or count < 6 or 310 < count < 330
+    assert estimator.take_notices() == ("gate 1 should be in sight, but is not",)

@@ -28,6 +28,7 @@ def flight(seed=0, *, truth=True, mission="five_gates", v_max=4.0):
     still = np.zeros((motion.stamp.size, 3))
     estimate = actual + rng.normal(0.0, 0.01, actual.shape)
     variance = np.full((motion.stamp.size, 9), 1e-4)
+    none, cross = np.zeros(motion.stamp.size, np.uint32), np.zeros((motion.stamp.size, 3))
     n = setpoints.stamp.size
     stamps = setpoints.stamp + rng.normal(0.0, 1e-4, n)
     commands = Commands(np.sort(stamps), rng.normal(0.0, 0.5, (n, 3)), 9.81 + rng.normal(0.0, 0.4, n))
@@ -40,7 +41,7 @@ def flight(seed=0, *, truth=True, mission="five_gates", v_max=4.0):
     }
     return Flight(
         header,
-        states=States(motion.stamp, estimate, level, motion.velocity, still, variance),
+        states=States(motion.stamp, estimate, level, motion.velocity, still, variance, none, cross),
         setpoints=setpoints,
         commands=commands,
         truth=Motions(motion.stamp, actual, level, motion.velocity, still) if truth else Motions(),

@@ -11,6 +11,7 @@ from flightapp.config import Config
 from flightapp.evaluation.detection_bench import bench_cameras, bench_track, detection_table, judge, predicted_regions
 from flightapp.evaluation.detection_images import Blur, Conditions, draw_picture, marker_texture
 from flightapp.evaluation.false_ids import false_ids
+from flightapp.messages import Frame
 from flightapp.perception.aruco import ArucoDetector
 
 TEXTURES = {n: marker_texture(cv2.aruco.DICT_4X4_50, n) for n in range(4)}
@@ -55,3 +56,13 @@ def test_decoys_are_no_markers() -> None:
     detector, camera = ArucoDetector(Config(), bench_track((1, 2, 3, 4))), bench_cameras()["pinhole"]
     for tracking in (False, True):
         assert false_ids(detector, camera, range(50), range(20610, 20622), tracking) == []
+
+
+def test_dark_shapes_without_straight_sides_are_no_markers() -> None:
+    """Within the inverted marker 12 lies a dark shape with a bright cell, all of it as in marker 17."""
+    detector, camera = ArucoDetector(Config(), bench_track((16, 17, 18, 19))), bench_cameras()["pinhole"]
+    inverted = np.asarray(255 - marker_texture(cv2.aruco.DICT_4X4_50, 12), np.uint8)
+    for seed in range(20200, 20206):
+        textures = dict.fromkeys(range(6), inverted)
+        picture = draw_picture(camera, textures, Conditions(size=60.0, blur=1.0), np.random.default_rng(seed))
+        assert detector.detect(Frame(0.0, 0, picture.image), None) == ()

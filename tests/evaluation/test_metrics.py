@@ -13,6 +13,7 @@ from flightapp.evaluation.metrics import (
     Window,
     plan_statistics,
     position_error,
+    position_nees,
     racing_window,
     rmse,
     sender_statistics,
@@ -129,3 +130,18 @@ def test_plan_statistics_count_what_was_flown_and_refused():
     assert (found.count, found.refused) == (3, 1)
     assert found.p50 == pytest.approx(0.0035)
     assert plan_statistics((), ALL).count == 0
+
+
+def test_nees_of_errors_that_are_as_large_as_said():
+    """Errors drawn from the covariance itself have a mean of 3; half as large ones, of 3/4."""
+    rng, n = np.random.default_rng(3), 20_000
+    C = np.array(((0.04, 0.01, -0.005), (0.01, 0.02, 0.0), (-0.005, 0.0, 0.01)))
+    errors, stamps = rng.multivariate_normal(np.zeros(3), C, n), np.arange(n) * 0.01
+    truth = Motions(stamp=stamps, position=np.zeros((n, 3)))
+    variance = np.tile(np.concatenate((np.diag(C), np.ones(6))), (n, 1))
+    cross = np.tile((C[0, 1], C[0, 2], C[1, 2]), (n, 1))
+    window = Window(0.0, stamps[-1])
+    for share, expected in ((1.0, 3.0), (0.5, 0.75)):
+        states = States(stamp=stamps, position=share * errors, variance=variance, position_covariance=cross)
+        assert position_nees(states, truth, window) == pytest.approx(expected, rel=0.03)
+    assert position_nees(States(), truth, window) is None

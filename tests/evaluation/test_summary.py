@@ -16,6 +16,7 @@ from flightapp.inputs import BadInputError
 KEYS = {
     *("mission", "seed", "outcome", "elapsed", "v_peak", "v_avg", "gates", "tracking_rmse", "speed_rmse"),
     *("estimation_rmse", "replans", "sender", "faults", "collisions", "tracking_rmse_truth"),
+    *("tracker_rmse", "estimation_nees"),
 }
 
 
@@ -40,6 +41,7 @@ def test_summary_of_a_flight_with_truth(flight):
         assert summary["tracking_rmse_truth"][axis] == pytest.approx(wobble, rel=0.05)
         assert summary["tracking_rmse"][axis] == pytest.approx(np.hypot(wobble, 0.01), rel=0.05)
         assert summary["estimation_rmse"][axis] == pytest.approx(0.01, rel=0.05)
+    assert summary["estimation_nees"] == pytest.approx(3.0, rel=0.1)
 
 
 def test_without_truth_the_estimate_judges():

@@ -46,11 +46,30 @@ def test_sweep_by_hand():
     results.append({**good, "seed": 3, "elapsed": 4.0, "gates": [{"id": 0, "passed": False}]})
     results.append({"seed": 4, "why": "the process was killed"})
     summary = sweep_summary(results)
-    assert list(summary) == ["runs", "successes", "rate", "ci95", "elapsed", "failures"]
+    assert list(summary) == ["runs", "successes", "rate", "ci95", "elapsed", "offset", "estimation", "failures"]
+    assert summary["offset"] == {"p50": None, "p95": None, "max": None}
+    assert summary["estimation"] is None
     assert (summary["runs"], summary["successes"], summary["rate"]) == (5, 3, 0.6)
     assert summary["ci95"] == list(wilson_interval(3, 5))
     assert summary["elapsed"] == {"p50": 11.0, "p95": pytest.approx(11.9)}
     assert summary["failures"] == [{"seed": 3, "why": "missed gate 0"}, {"seed": 4, "why": "the process was killed"}]
+
+
+def test_sweep_tells_of_estimates_and_offsets():
+    def flight(ours, theirs, nees, offset):
+        gates = [{"id": 0, "passed": True, "offset": offset}]
+        errors = {"estimation_rmse": {"total": ours}, "tracker_rmse": {"total": theirs}, "estimation_nees": nees}
+        return {"outcome": "GOAL_ACHIEVED", "gates": gates, "collisions": [], "seed": 0, "elapsed": 1.0, **errors}
+
+    summary = sweep_summary([flight(0.1, 0.4, 2.0, 0.1), flight(0.3, 0.4, 4.0, 0.2), flight(0.2, 0.4, 3.0, 0.3)])
+    assert summary["offset"] == {"p50": 0.2, "p95": pytest.approx(0.29), "max": 0.3}
+    estimation = summary["estimation"]
+    assert estimation["rmse"]["p50"] == 0.2
+    assert estimation["ratio"]["p50"] == pytest.approx(0.5)
+    assert estimation["halved"] == 2
+    assert estimation["nees"]["mean"] == pytest.approx(3.0)
+    low, high = estimation["nees"]["band95"]
+    assert low < 3.0 < high
 
 
 def test_sweep_without_a_success_has_no_times():

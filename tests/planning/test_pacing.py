@@ -185,8 +185,8 @@ def estimate(gate, sigma=0.05, last_seen=0.0):
     return GateEstimate(gate.gate_id, gate.position, gate.yaw, np.diag((sigma**2,) * 3 + (0.01,)), 9, last_seen)
 
 
-def wanted(caution, stamp, gates, voltage=math.nan, plan=PLAN):
-    return caution.wanted(stamp, Paced(plan, 0.0, STEADY, plan), gates, SHAPE, voltage)
+def wanted(caution, stamp, gates, voltage=math.nan, plan=PLAN, push=0.0):
+    return caution.wanted(stamp, Paced(plan, 0.0, STEADY, plan), gates, SHAPE, voltage, push)
 
 
 def test_a_gate_that_is_badly_known_is_approached_slowly():
@@ -195,24 +195,15 @@ def test_a_gate_that_is_badly_known_is_approached_slowly():
     assert wanted(caution, near, (sure,))[0] == 1.0
     rate, why = wanted(caution, near, (unsure,))
     assert rate == pytest.approx(0.5 / (2.0 * 0.32), abs=1e-3)
-    assert why == "gate 0 is known to 0.32 m, last seen 0.0 s ago"
+    assert why == "gate 0 is known to 0.32 m"
     assert wanted(caution, PLAN.gate_times[0] - 3.0, (unsure,))[0] == 1.0
     assert wanted(caution, PLAN.gate_times[0] + 0.1, (unsure,))[0] == 1.0
 
 
-def test_a_gate_that_has_not_been_seen_for_long_is_approached_slowly():
-    caution, near = Caution(CONFIG), PLAN.gate_times[0] - 1.0
-    assert wanted(caution, near, (estimate(REQUEST.gates[0], 0.1, near - 0.1),))[0] == 1.0
-    assert wanted(caution, near, (estimate(REQUEST.gates[0], 0.1, near - 10.0),))[0] < 0.9
-    assert wanted(caution, near, (estimate(REQUEST.gates[0], 0.1, -math.inf),))[0] == 1.0
-
-
 def test_no_reason_goes_below_the_least_pace():
     caution = Caution(load_config(None, {"planning.pace_min": 0.5}))
-    caution.hold_back("wind", 0.1)
-    assert wanted(caution, 1.0, ()) == (0.5, "wind")
-    caution.hold_back("wind", 1.0)
-    assert wanted(caution, 1.0, ())[0] == 1.0
+    assert wanted(caution, 1.0, (), push=50.0) == (0.5, "the wind takes 50.0 m/s²")
+    assert wanted(caution, 1.0, (), push=0.4)[0] == 1.0
     off = Caution(load_config(None, {"planning.pace_min": 1.0}))
     assert wanted(off, PLAN.gate_times[0] - 1.0, (estimate(REQUEST.gates[0], 3.0),), 9.0)[0] == 1.0
 
