@@ -1,4 +1,4 @@
-"""Four gates around a rectangle of 5 m × 4 m, of which only the number and the markers are known: the drone finds them as it goes."""
+"""Four gates around a rectangle of 5 m × 4 m, of which only the number and the markers are known."""
 
 TRACK = "tracks/four_gates.toml"
 SETTINGS = {
