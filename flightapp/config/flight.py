@@ -22,7 +22,7 @@ class Planning(Section):
     clearance: Finite = Field(
         0.3, ge=0.0, le=10.0, description="m beyond vehicle.radius that plans keep from obstacles"
     )
-    frame_clearance: Finite = Field(0.05, ge=0.0, le=2.0, description="m beyond vehicle.radius, from gates' frames")
+    frame_clearance: Finite = Field(0.15, ge=0.0, le=2.0, description="m beyond vehicle.radius, from gates' frames")
     gate_margin: Finite = Field(
         0.15, ge=0.0, le=5.0, description="m from a gate's centre that race lines may use at most"
     )

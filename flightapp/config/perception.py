@@ -37,6 +37,7 @@ class Estimation(Section):
     slip_across: Finite = Field(0.002, ge=0.0, le=0.5, description="its horizontal velocity error, share of the speed")
     slip_up: Finite = Field(0.04, ge=0.0, le=1.0, description="s/m, its vertical velocity error per squared speed")
     slip_time: Finite = Field(0.3, gt=0.01, le=100.0, description="s, time constant with which these errors change")
+    slip_fades: Finite = Field(10.0, gt=0.1, le=1e6, description="m flown until the vertical one has faded to 1/e")
     tilt_error: Finite = Field(0.005, gt=0.0, le=0.2, description="rad, the tracker's error of roll and pitch")
     tilt_time: Finite = Field(5.0, gt=0.1, le=1000.0, description="s, time constant with which that changes")
     accelerometer_noise: Finite = Field(0.1, gt=0.0, le=10.0, description="m/s²/√Hz, vibration included")
@@ -44,7 +45,8 @@ class Estimation(Section):
     accelerometer_walk: Finite = Field(0.005, ge=0.0, le=1.0, description="m/s²/√s, by which the bias walks")
     manoeuvre: Finite = Field(5.0, gt=0.1, le=100.0, description="m/s²/√Hz, accelerations where nothing feels them")
     coast: Finite = Field(0.5, ge=0.0, le=5.0, description="s without poses for which the inertial sensors stand in")
-    trusted_sigma: Finite = Field(1.0, gt=0.01, le=100.0, description="m, a position known worse is not trusted")
+    trusted_sigma: Finite = Field(5.0, gt=0.01, le=100.0, description="m, a position known worse is not trusted")
+    trusted_speed: Finite = Field(2.0, gt=0.01, le=100.0, description="m/s, a velocity known worse is not trusted")
 
 
 class GateMapping(Section):

@@ -1,1 +1,1 @@
-"""From poses to the state of the vehicle."""
+"""From poses, inertial sensors and sightings of gates to vehicle and gates."""

@@ -108,7 +108,7 @@ def _turned(x: Vector, v: Vector) -> Vector:
 
 @kernel
 def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
-    """Correct with the tracker's position and velocity in ``row`` (19,); the greater of the two χ²."""
+    """Correct with the tracker's position and velocity in ``row`` (20,); the greater of the two χ²."""
     nu, H, R = np.empty(3), np.zeros((3, 8)), np.zeros((3, 3))
     columns = np.empty(7, np.int64)
     r = _turned(x, row[ODOM : ODOM + 3])
@@ -140,7 +140,7 @@ def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
 
 @kernel
 def step(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> float:
-    """Predict to ``row`` (19,) and, where it is a pose, correct with it; its χ².
+    """Predict to ``row`` (20,) and, where it is a pose, correct with it; its χ².
 
     A pose that contradicts the filter makes it less sure of its velocity: a force felt wrongly must not lock it out.
     """
@@ -167,7 +167,7 @@ def replay(
     Ps: Vector,
     s: Vector,
 ) -> None:
-    """Step through the ring ``rows`` (m, 19), numbers ``begin`` to before ``end``, from the step ``before``.
+    """Step through the ring ``rows`` (m, 20), numbers ``begin`` to before ``end``, from the step ``before``.
 
     Each state whose number is a multiple of ``every`` is kept in the rings ``xs`` (k, N) and ``Ps`` (k, N, N).
     """

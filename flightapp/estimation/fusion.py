@@ -61,7 +61,7 @@ class FusionEstimator:
 
     def __init__(self, config: Config, track: Track) -> None:
         e, m = config.estimation, config.mapping
-        self._coast, self._trusted_sigma = e.coast, e.trusted_sigma
+        self._coast, self._trusted = e.coast, (e.trusted_sigma, e.trusted_speed)
         self._settings, self._start = process_settings(e, m), Start.of(e)
         self._errors = np.array((m.attitude_error, m.range_error, m.sync_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
         self._limits = np.array((m.gate, AMBIGUITY, *GATE_FLOORS))
@@ -222,9 +222,12 @@ class FusionEstimator:
     def _doubt(self, out: Vector) -> str:
         if self._unbelieved >= UNBELIEVED:
             return f"{self._unbelieved} poses in a row contradict the filter"
-        sigma = math.sqrt(max(out[13], out[23], out[33]))
-        if not sigma <= self._trusted_sigma:
+        variance = out[13::10]
+        sigma, speed = math.sqrt(variance[:3].max()), math.sqrt(variance[3:6].max())
+        if not sigma <= self._trusted[0]:
             return f"the position is known to {sigma:.2f} m"
+        if not speed <= self._trusted[1]:
+            return f"the velocity is known to {speed:.2f} m/s"
         return ""
 
 

@@ -26,8 +26,9 @@ GATE = 4
 """Numbers of a gate: position (3), yaw."""
 
 # One step of the tracker or of coasting: what was measured at its stamp.
-STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, ROW = 0, 1, 2, 5, 9, 12, 15, 18, 19
-"""Columns: stamp, 1 for a pose or 0 for coasting, p_o (3), q_ob (4), v_o (3), ω (3), specific force (3), share felt."""
+STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, FLOWN, ROW = 0, 1, 2, 5, 9, 12, 15, 18, 19, 20
+"""Columns: stamp, 1 for a pose or 0 for coasting, p_o (3), q_ob (4), v_o (3), ω (3), specific force (3), share felt,
+metres flown since the start."""
 
 # Settings of the process and of the tracker as a sensor, one row of numbers.
 (
@@ -41,6 +42,7 @@ STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, ROW = 0, 1, 2, 5, 9, 12,
     SLIP_ACROSS,
     SLIP_UP,
     SLIP_TIME,
+    SLIP_FADES,
     TILT_SIZE,
     TILT_TIME,
     POSITION_NOISE,
@@ -48,7 +50,7 @@ STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, ROW = 0, 1, 2, 5, 9, 12,
     GATING,
     GATE_WALK,
     SETTINGS,
-) = range(17)
+) = range(18)
 
 MOVING = 0.5
 """m/s, below which the estimated speed is noise to the scale: their product would push the scale one way."""
@@ -72,16 +74,19 @@ def attitude(x: Vector, q_ob: Vector) -> Vector:
 
 
 @kernel
-def _add_noise(x: Vector, P: Vector, speed: float, dt: float, felt: float, s: Vector) -> None:
-    """Process noise over ``dt`` seconds into ``P``; slip and tilt as first-order Gauss-Markov processes."""
-    push = felt * s[ACCELEROMETER] ** 2 + (1.0 - felt) * s[MANOEUVRE] ** 2
+def _add_noise(x: Vector, P: Vector, speed: float, dt: float, row: Vector, s: Vector) -> None:
+    """Process noise over ``dt`` seconds up to ``row`` into ``P``; slip and tilt as first-order Gauss-Markov processes.
+
+    The vertical slip fades with the way, as gravity and scale become observable to the tracker.
+    """
+    push = row[FELT] * s[ACCELEROMETER] ** 2 + (1.0 - row[FELT]) * s[MANOEUVRE] ** 2
     for i in range(3):
         P[VELOCITY + i, VELOCITY + i] += push * dt
         P[BIAS + i, BIAS + i] += s[BIAS_WALK] ** 2 * dt
         P[DRIFT + i, DRIFT + i] += (s[WALK] ** 2 * speed + s[WALK_AT_REST] ** 2) * dt
     gone = 1.0 - math.exp(-2.0 * dt / s[SLIP_TIME])
     across = s[SLIP_ACROSS] * speed
-    up = across + s[SLIP_UP] * speed * speed
+    up = across + s[SLIP_UP] * math.exp(-row[FLOWN] / s[SLIP_FADES]) * speed * speed
     P[SLIP, SLIP] += gone * across * across
     P[SLIP + 1, SLIP + 1] += gone * across * across
     P[SLIP + 2, SLIP + 2] += gone * up * up
@@ -128,7 +133,7 @@ def _transport(P: Vector, v: Vector, scale: float, turned: Vector, R: Vector, dt
 
 @kernel
 def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> None:
-    """Move state and covariance from the step ``before`` (19,) to the stamp and attitude of ``row`` (19,).
+    """Move state and covariance from the step ``before`` (20,) to the stamp and attitude of ``row`` (20,).
 
     For the share of the time in which the specific force was not felt, the velocity walks with `MANOEUVRE`.
     """
@@ -157,4 +162,4 @@ def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> Non
         x[SLIP + i] *= keep[0]
     for i in range(2):
         x[TILT + i] *= keep[1]
-    _add_noise(x, P, math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2), dt, row[FELT], s)
+    _add_noise(x, P, math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2), dt, row, s)

@@ -1,1 +1,1 @@
-"""From gate sightings to a gate map."""
+"""What is remembered of each gate, and maps that outlive a flight."""

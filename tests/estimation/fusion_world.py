@@ -62,7 +62,7 @@ class Circling:
         self.tilt = e.tilt_error * draw(2)
         self.yaw = e.start_yaw * draw()
         self.drift = e.start_position * draw(3)
-        self.slip = np.zeros(3)
+        self.slip, self.flown = np.zeros(3), 0.0
         self.stamp = 0.0
         start = self.motion(0.0)[0]
         self.drift = self.drift - self.yaw * np.cross((0.0, 0.0, 1.0), start)
@@ -90,7 +90,12 @@ class Circling:
         p, v, a, q, w = self.motion(self.stamp)
         draw, speed = self.rng.standard_normal, float(np.linalg.norm(v))
         keep = np.exp(-dt / e.slip_time)
-        size = np.array((e.slip_across, e.slip_across, e.slip_across)) * speed + (0.0, 0.0, e.slip_up * speed**2)
+        size = np.array((e.slip_across, e.slip_across, e.slip_across)) * speed + (
+            0.0,
+            0.0,
+            e.slip_up * np.exp(-self.flown / e.slip_fades) * speed**2,
+        )
+        self.flown += speed * dt
         self.slip = keep * self.slip + size * np.sqrt(1.0 - keep**2) * draw(3)
         turn = np.sqrt((e.yaw_walk**2 * speed + e.yaw_at_rest**2) * dt) * draw()
         walk = np.sqrt((e.drift_walk**2 * speed + e.drift_at_rest**2) * dt) * draw(3)

@@ -64,7 +64,8 @@ async def test_a_record_arrives_as_it_was_measured(line):
     sent = make(asyncio.get_running_loop().time())
     there.send(encode_pose(sent, origin))
     got = await soon(source)
-    assert abs(got.stamp - sent.stamp) < 1e-5
+    # Each end has read the clocks once, at moments of its own, and may have been held up between the two readings.
+    assert abs(got.stamp - sent.stamp) < 1e-3
     for name in ("position", "orientation", "velocity", "angular_velocity", "acceleration"):
         np.testing.assert_allclose(getattr(got, name), getattr(sent, name), rtol=1e-15, err_msg=name)
         # What later steps are compiled for.
