@@ -81,7 +81,11 @@ def _add_noise(x: Vector, P: Vector, speed: float, dt: float, row: Vector, s: Ve
     """
     push = row[FELT] * s[ACCELEROMETER] ** 2 + (1.0 - row[FELT]) * s[MANOEUVRE] ** 2
     for i in range(3):
+        # An unknown acceleration moves the position, too: after a gap that is most of what is not known of it.
         P[VELOCITY + i, VELOCITY + i] += push * dt
+        P[POSITION + i, POSITION + i] += push * dt**3 / 3.0
+        P[POSITION + i, VELOCITY + i] += 0.5 * push * dt**2
+        P[VELOCITY + i, POSITION + i] += 0.5 * push * dt**2
         P[BIAS + i, BIAS + i] += s[BIAS_WALK] ** 2 * dt
         P[DRIFT + i, DRIFT + i] += (s[WALK] ** 2 * speed + s[WALK_AT_REST] ** 2) * dt
     gone = 1.0 - math.exp(-2.0 * dt / s[SLIP_TIME])

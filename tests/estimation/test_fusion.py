@@ -158,6 +158,21 @@ def test_without_inertial_sensors_nothing_stands_in_for_poses():
     assert np.linalg.norm(position_error(world, states[-1])) < 0.2
 
 
+def test_poses_are_believed_again_after_a_gap_in_which_nothing_was_felt():
+    """As after the process was stopped: the vehicle has moved on, and nothing tells how."""
+    for gap in (0.3, 0.7, 2.0):
+        world, estimator = Circling(seed=17), FusionEstimator(Config(), a_track())
+        flown(world, estimator, 4.0)
+        for _ in range(int(gap * 200)):
+            world.advance()
+        state = flown(world, estimator, 0.02, imu=False)[-1]
+        assert state.doubt == ""
+        sigma = np.sqrt(np.diag(state.covariance))
+        assert (abs(position_error(world, state)) < 4.0 * sigma[:3]).all()
+        assert (abs(state.velocity - world.motion(state.stamp)[1]) < 4.0 * sigma[3:6]).all()
+        assert sigma[3:6].max() < 0.3
+
+
 def test_a_relocalised_tracker_does_not_move_the_vehicle():
     world, estimator = Circling(seed=10), FusionEstimator(Config(), a_track())
     before = flown(world, estimator, 4.0, gates=(1, 2, 3))[-1]
