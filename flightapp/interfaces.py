@@ -169,6 +169,10 @@ class PoseSource(Protocol):
         """Samples as they arrive."""
         ...
 
+    def report(self) -> str:
+        """What became of the samples so far, in one line."""
+        ...
+
 
 class AutopilotError(Exception):
     """The autopilot refused or did not answer; the text says what and why."""

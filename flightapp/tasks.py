@@ -93,10 +93,13 @@ async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
             bus.state.publish(state)
 
     rig.autopilot.imu.tap(lambda sample: publish(estimator.on_imu(sample)))
-    async for sample in rig.tracker.poses():
-        bus.pose.publish(sample)
-        rig.autopilot.send_pose(sample)
-        publish(estimator.on_pose(sample))
+    try:
+        async for sample in rig.tracker.poses():
+            bus.pose.publish(sample)
+            rig.autopilot.send_pose(sample)
+            publish(estimator.on_pose(sample))
+    finally:
+        bus.event.publish(Event(now(), "poses", rig.tracker.report()))
 
 
 async def mapping(bus: Bus, estimator: Estimator) -> None:

@@ -4,6 +4,7 @@ All time is the event loop's own (`loop.time()`), monotonic seconds.
 """
 
 import asyncio
+import math
 import time
 from dataclasses import dataclass
 from types import TracebackType
@@ -12,6 +13,9 @@ from typing import Self
 import numpy as np
 
 from flightapp.kernel_timer import KernelTimer
+
+READINGS = 5
+"""Pairs of readings of two clocks, of which the closest counts: a process may be held up between the two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,18 @@ class TickStatistics:
     p99: float
     p999: float
     overruns: int
+
+
+def monotonic_origin(loop: asyncio.AbstractEventLoop) -> float:
+    """CLOCK_MONOTONIC (s) when the time of ``loop`` was 0, from the pair of readings that lie closest together."""
+    best, origin = math.inf, 0.0
+    for _ in range(READINGS):
+        before = loop.time()
+        now = time.monotonic()
+        after = loop.time()
+        if after - before < best:
+            best, origin = after - before, now - 0.5 * (before + after)
+    return origin
 
 
 class Ticker:
@@ -100,7 +116,7 @@ class KernelTicker(Ticker):
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
-        self._ahead = time.monotonic() - self._loop.time()
+        self._ahead = monotonic_origin(self._loop)
         self._timer = KernelTimer()
         self._loop.add_reader(self._timer.fileno(), self._expired)
 

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack, suppress
 from multiprocessing.connection import Connection
@@ -24,6 +23,7 @@ from flightapp.messages import Collision, CommandArrivals, Frame, GatePassage, G
 from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
 from flightapp.sensors.poses import SocketPoses
+from flightapp.timing import monotonic_origin
 from flightapp.track import Track
 from flightapp.worker import ThreadWorker
 from sim.clock import RealtimeLoop
@@ -245,7 +245,7 @@ class MavlinkRig:
         remote = _remote(config)
         self._survey_seed, self._exact = np.random.SeedSequence(seed).spawn(4)[3], config.sim.survey == "exact"
         self._gates = true_gates(track)
-        origin = time.monotonic() - asyncio.get_running_loop().time()
+        origin = monotonic_origin(asyncio.get_running_loop())
         self.world = RemoteWorld(Order(config, track, seed, origin, remote))
         with ExitStack() as failed:
             failed.callback(self.world.close)

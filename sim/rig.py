@@ -119,6 +119,10 @@ class SimTracker:
                 yield sample
             count = max(count + 1, int((loop.time() - BACKLOG - origin) * self._tracker.rate))
 
+    def report(self) -> str:
+        """What became of the samples so far, in one line."""
+        return self._intake.report() if self._intake is not None else "poses: not looked at here"
+
 
 class ModelledWorker:
     """Computes at once and lets the time pass that the configuration says it costs on the target."""

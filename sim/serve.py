@@ -3,7 +3,6 @@
 import asyncio
 import signal
 import socket
-import time
 from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +12,7 @@ from flightapp.inputs import BadInputError
 from flightapp.messages import PoseSample
 from flightapp.sensors.address import parse_address
 from flightapp.sensors.poses import encode_pose
+from flightapp.timing import monotonic_origin
 from flightapp.track import Start, Track
 from sim.clock import RealtimeLoop
 from sim.live import LiveWorld, run_until
@@ -63,7 +63,7 @@ def serve_alone(
 
 
 def _work(live: LiveWorld, vision: Vision, target: Outbox | None) -> list[Coroutine[Any, Any, None]]:
-    origin = time.monotonic() - asyncio.get_running_loop().time()
+    origin = monotonic_origin(asyncio.get_running_loop())
 
     def send(sample: PoseSample) -> None:
         if target is not None:

@@ -8,7 +8,6 @@ ends with the last tick, and PX4's own offboard-loss failsafe acts.
 import asyncio
 import contextlib
 import math
-import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -31,6 +30,7 @@ from flightapp.channel import Reader, Topic
 from flightapp.config import Config
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import AutopilotStatus, Event, FlightMode, ImuSample, PoseSample, RateCommand
+from flightapp.timing import monotonic_origin
 
 IGNORE_ATTITUDE = 128
 """ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE: body rates and thrust count."""
@@ -57,7 +57,7 @@ class Px4Link:
     def __init__(self, config: Config) -> None:
         self._link = config.link
         self._loop = asyncio.get_running_loop()
-        self._origin = time.monotonic() - self._loop.time()
+        self._origin = monotonic_origin(self._loop)
         self._mavsdk = open_library(config.link.connection, config.link.system_id)
         self.status: Topic[AutopilotStatus] = Topic("autopilot")
         self.odometry: Topic[PoseSample] = Topic("autopilot_pose")

@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from flightapp.timing import monotonic_origin
+
 T = TypeVar("T")
 
 
@@ -19,7 +21,7 @@ class Mailbox(Generic[T]):
 
     def __init__(self, deliver: Callable[[float, T], None], depth: int = 1) -> None:
         self._loop = asyncio.get_running_loop()
-        self._origin = time.monotonic() - self._loop.time()
+        self._origin = monotonic_origin(self._loop)
         self._deliver = deliver
         self._waiting: deque[tuple[float, T]] = deque(maxlen=depth)
         self._lock = threading.Lock()

@@ -33,7 +33,7 @@ from flightapp.estimation.process import (
     predict,
     scaled_velocity,
 )
-from flightapp.frames import Vector, quat_multiply, quat_rotate, quat_to_matrix, wrap_angle
+from flightapp.frames import Vector, quat_from_yaw, quat_multiply, quat_rotate, quat_to_matrix, wrap_angle
 from flightapp.jit import assign, kernel
 from flightapp.linear import factor, whiten
 
@@ -41,8 +41,6 @@ LEAN = 0.05
 """rad, how far gates may stand from upright."""
 IGNORED = 1e8
 """Variance of a yaw that is not to be used."""
-# A sighting: position, orientation, covariance.
-SIGHTING = 43
 
 
 @kernel
@@ -100,18 +98,11 @@ def correct(x: Vector, P: Vector, nu: Vector, H: Vector, columns: NDArray[np.int
 
 
 @kernel
-def _turned(x: Vector, v: Vector) -> Vector:
-    """A vector (3,) of the tracker's frame in world axes."""
-    c, s = math.cos(x[YAW]), math.sin(x[YAW])
-    return np.array((c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]))
-
-
-@kernel
 def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
     """Correct with the tracker's position and velocity in ``row`` (20,); the greater of the two χ²."""
     nu, H, R = np.empty(3), np.zeros((3, 8)), np.zeros((3, 3))
     columns = np.empty(7, np.int64)
-    r = _turned(x, row[ODOM : ODOM + 3])
+    r = quat_rotate(quat_from_yaw(x[YAW]), row[ODOM : ODOM + 3])
     for i in range(3):
         nu[i] = r[i] - x[POSITION + i] + x[DRIFT + i]
         columns[i], columns[3 + i] = POSITION + i, DRIFT + i
@@ -120,7 +111,7 @@ def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
     columns[6] = YAW
     H[0, 6], H[1, 6] = r[1], -r[0]
     chi2 = correct(x, P, nu, H[:, :7], columns, R, s[GATING])
-    r, scaled = _turned(x, row[SPEED : SPEED + 3]), scaled_velocity(x)
+    r, scaled = quat_rotate(quat_from_yaw(x[YAW]), row[SPEED : SPEED + 3]), scaled_velocity(x)
     wide = np.empty(8, np.int64)
     for i in range(3):
         share = 1.0 - x[SCALE] if i < 2 else 1.0

@@ -15,7 +15,7 @@ from flightapp.estimation.alignment import Start, begin, relocate
 from flightapp.estimation.correction import place, sighted, use_sighting
 from flightapp.estimation.imu import ImuMemory
 from flightapp.estimation.memory import StepMemory, coasted, pose_row
-from flightapp.estimation.output import STATE, describe, drift_covariance, gates_from_vehicle
+from flightapp.estimation.output import STATE, describe, gates_from_vehicle
 from flightapp.estimation.process import ATTITUDE, CORE, DRIFT, GATE, POSITION, RATES, ROW, STAMP, YAW, attitude
 from flightapp.estimation.settings import POSE_GATE, process_settings
 from flightapp.frames import Vector
@@ -178,9 +178,9 @@ class FusionEstimator:
 
     def gate_map(self, stamp: float) -> GateMap:
         """The gates whose places are known, in order, and the tracker's drift, as they stand."""
-        covariances, drift = np.empty((len(self._register.ids), GATE, GATE)), np.empty((4, 4))
+        covariances = np.empty((len(self._register.ids), GATE, GATE))
         gates_from_vehicle(self._P, CORE, covariances)
-        drift_covariance(self._P, drift)
+        drift = self._P[DRIFT : YAW + 1, DRIFT : YAW + 1].copy()
         x, known = self._x[:CORE].copy(), float(self._memory.newest[STAMP]) if self._memory.count else stamp
         gates = self._gates(covariances)
         return GateMap(stamp, self._version, gates, Drift(known, x[DRIFT : DRIFT + 3], float(x[YAW]), drift))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flightapp.estimation.process import ATTITUDE, DRIFT, POSITION, RATES, TILT, VELOCITY, YAW, attitude
+from flightapp.estimation.process import ATTITUDE, POSITION, RATES, TILT, VELOCITY, YAW, attitude
 from flightapp.frames import Vector, quat_to_matrix
 from flightapp.jit import assign, kernel
 
@@ -65,11 +65,3 @@ def gates_from_vehicle(P: Vector, core: int, out: Vector) -> None:
         for i in range(4):
             columns[i] = core + 4 * g + i
         _congruence(T, P, columns, out[g])
-
-
-@kernel
-def drift_covariance(P: Vector, out: Vector) -> None:
-    """Of the drift's translation and yaw, into ``out`` (4, 4)."""
-    for i in range(4):
-        for j in range(4):
-            out[i, j] = P[DRIFT + i, DRIFT + j]

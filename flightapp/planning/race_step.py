@@ -31,6 +31,7 @@ from flightapp.planning.race_samples import (
     ROWS,
     add_drag,
     sample,
+    scaled_ends,
 )
 from flightapp.planning.race_work import Work
 
@@ -120,17 +121,6 @@ def _crossing_slope(k: int, line: Vector, problem: Problem, step: Vector) -> flo
 
 
 @fused
-def _step_ends(i: int, duration: float, step: Vector, y: Vector) -> None:
-    """Fill ``y`` (8, 3) with the scaled ends' change by the step, at a duration that stays."""
-    power = 1.0
-    for d in range(4):
-        for axis in range(3):
-            y[d, axis] = power * step[i, 3 * d + axis]
-            y[4 + d, axis] = power * step[i + 1, 3 * d + axis]
-        power *= duration
-
-
-@fused
 def _slopes_at_samples(q: Vector, g: Vector, slope: Vector) -> None:
     """The same at samples that change by ``q``, with the gradients ``g`` (KINDS 6 SAMPLES,), zero where not wanted."""
     for k in range(S):
@@ -166,7 +156,7 @@ def slopes(line: Vector, problem: Problem, work: Work) -> None:
             break
         duration, longer = line[i, DURATION], step[i, DURATION]
         slope[i, BRIEF] = -longer / problem.briefest[i]
-        _step_ends(i, duration, step, work.ends)
+        scaled_ends(i, step, duration, work.ends)
         sample(BY_ENTRY, duration, work.ends, q)
         add_drag(problem.drag, q)
         for k in range(ROWS * S):

@@ -3,7 +3,6 @@
 import asyncio
 import math
 import socket
-import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ import numpy as np
 from flightapp.messages import PoseSample
 from flightapp.sensors.address import forget, listen
 from flightapp.sensors.intake import PoseIntake
+from flightapp.timing import monotonic_origin
 
 POSE_RECORD = np.dtype(
     [
@@ -82,7 +82,7 @@ class SocketPoses:
         self._receiver = receiver
         self.intake = intake
         """Counts what was refused."""
-        self._origin = time.monotonic() - asyncio.get_running_loop().time()
+        self._origin = monotonic_origin(asyncio.get_running_loop())
         # One byte more than a record, to tell a longer datagram from it.
         self._buffer = bytearray(POSE_RECORD.itemsize + 1)
         self._newest: PoseSample | None = None
@@ -109,6 +109,10 @@ class SocketPoses:
                     yield sample
         finally:
             loop.remove_reader(self._receiver)
+
+    def report(self) -> str:
+        """What became of the samples so far, in one line."""
+        return self.intake.report()
 
     def close(self) -> None:
         """Stop listening, and remove the path that was listened at."""

@@ -15,6 +15,7 @@ from flightapp.inputs import BadInputError
 from flightapp.messages import PoseSample
 from flightapp.sensors import t265_bridge
 from flightapp.sensors.intake import PoseIntake
+from flightapp.timing import monotonic_origin
 
 LAST = (2, 53)
 """The last version of librealsense with the T265's code."""
@@ -65,7 +66,7 @@ class RealSensePoses:
         self.intake = intake
         """Counts what was refused."""
         self._loop = asyncio.get_running_loop()
-        self._origin = time.monotonic() - self._loop.time()
+        self._origin = monotonic_origin(self._loop)
         self._newest: PoseSample | None = None
         self._arrived = asyncio.Event()
         self._opened = 0
@@ -90,6 +91,10 @@ class RealSensePoses:
             sample, self._newest = self._newest, None
             if sample is not None:
                 yield sample
+
+    def report(self) -> str:
+        """What became of the samples so far, in one line."""
+        return self.intake.report()
 
     def close(self) -> None:
         """Give the camera back."""

@@ -45,6 +45,10 @@ class ReplayPoses:
             if sample is not None:
                 yield sample
 
+    def report(self) -> str:
+        """What became of the samples so far, in one line."""
+        return self.intake.report()
+
     def close(self) -> None:
         """Nothing to give back."""
 

@@ -3,6 +3,7 @@
 import math
 from random import Random
 
+from sim.imu import FORCE_NOISE, RATE_NOISE
 from sim.mavlink.codec import encode, named
 from sim.mavlink.snapshot import Builder, Snapshot, custom_mode
 from sim.px4.modes import NavState
@@ -24,8 +25,6 @@ ATTITUDE_OK, VELOCITY_OK, VERTICAL_VELOCITY_OK, RELATIVE_OK, HEIGHT_OK, CONSTANT
 """ESTIMATOR_STATUS_FLAGS."""
 VARIANCES = (4e-4, 4e-4, 4e-4)
 """m² and rad² that EKF2 claims for itself on external vision of 2 cm."""
-GYRO_NOISE, ACCELERATION_NOISE = (0.14, 0.07, 0.03), (0.5, 1.7, 1.4)
-"""rad/s and m/s², of a sample of PX4's simulated sensors, as measured."""
 STATUS_PERIOD = 0.5
 """s, at least so often vehicle_status is published (Commander.cpp); else when it changes."""
 NO_VALUE = 65535
@@ -201,8 +200,8 @@ class Imu:
     def __call__(self, s: Snapshot) -> bytes:
         """The message."""
         gauss = self._random.gauss
-        force = [v + gauss(0.0, noise) for v, noise in zip(s.specific_force, ACCELERATION_NOISE, strict=True)]
-        rates = [v + gauss(0.0, noise) for v, noise in zip(s.rates, GYRO_NOISE, strict=True)]
+        force = [v + gauss(0.0, noise) for v, noise in zip(s.specific_force, FORCE_NOISE, strict=True)]
+        rates = [v + gauss(0.0, noise) for v, noise in zip(s.rates, RATE_NOISE, strict=True)]
         return _IMU.layout.pack(
             s.microseconds, *force, *rates, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, 25.0, self.FIELDS, 0
         )

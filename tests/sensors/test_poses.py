@@ -14,6 +14,7 @@ from flightapp.messages import PoseSample
 from flightapp.sensors.address import parse_address
 from flightapp.sensors.intake import PoseFault, PoseIntake
 from flightapp.sensors.poses import POSE_RECORD, DatagramCounts, SocketPoses, encode_pose
+from flightapp.timing import monotonic_origin
 from sim.clock import RealtimeLoop
 
 PLACE = np.array((1.0, -2.0, 3.0))
@@ -42,7 +43,7 @@ async def line():
     """A source, the other end of its socket, and the loop's origin by CLOCK_MONOTONIC."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     source = SocketPoses(here, intake())
-    yield source, there, time.monotonic() - asyncio.get_running_loop().time()
+    yield source, there, monotonic_origin(asyncio.get_running_loop())
     source.close()
     there.close()
 
@@ -64,8 +65,7 @@ async def test_a_record_arrives_as_it_was_measured(line):
     sent = make(asyncio.get_running_loop().time())
     there.send(encode_pose(sent, origin))
     got = await soon(source)
-    # Each end has read the clocks once, at moments of its own, and may have been held up between the two readings.
-    assert abs(got.stamp - sent.stamp) < 1e-3
+    assert abs(got.stamp - sent.stamp) < 1e-5
     for name in ("position", "orientation", "velocity", "angular_velocity", "acceleration"):
         np.testing.assert_allclose(getattr(got, name), getattr(sent, name), rtol=1e-15, err_msg=name)
         # What later steps are compiled for.
@@ -212,7 +212,7 @@ async def test_a_sender_that_ends_and_another_that_begins(tmp_path):
     path = tmp_path / "poses"
     source = SocketPoses.at(str(path), intake(1.0))
     loop = asyncio.get_running_loop()
-    origin = time.monotonic() - loop.time()
+    origin = monotonic_origin(loop)
     for epoch, away in ((1, 0.0), (2, 50.0), (3, -50.0)):
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
             sender.sendto(encode_pose(make(loop.time(), epoch=epoch, position=np.full(3, away)), origin), str(path))
