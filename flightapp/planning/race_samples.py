@@ -73,7 +73,7 @@ def knot_at(line: Vector, i: int, share: float) -> Vector:
 
 @fused
 def scaled_ends(i: int, line: Vector, duration: float, y: Vector) -> None:
-    """Fill ``y`` (8, 3) with the ends of segment ``i`` of a line or step (n + 1, 13), scaled by powers of ``duration``."""
+    """Fill ``y`` (8, 3) with the ends of segment ``i`` of a line or step (n + 1, 13), scaled by the duration."""
     power = 1.0
     for d in range(4):
         for axis in range(3):
