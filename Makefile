@@ -32,8 +32,9 @@ $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 		{ echo "$(PYTHON) cannot make environments: apt install python3-venv" >&2; exit 1; }
 	@$(PYTHON) -m venv --clear $(VENV)
-	@$(PIP) install -qq --require-hashes --only-binary :all: -r requirements.lock
+	@$(PIP) install -qq --require-hashes --no-deps --only-binary :all: -r requirements.lock
 	@$(PIP) install -qq --no-build-isolation --no-deps -e .
+	@$(PIP) check -q
 	@touch $@
 
 # Pins that still fit are kept; `make lock UPGRADE=--upgrade` takes the newest releases.
