@@ -5,20 +5,26 @@ VENV := .venv
 READY := $(VENV)/.ready
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --no-input
 
-.PHONY: help race test lint lock clean
+.PHONY: help race test coverage lint lock clean
 
 help:
-	@echo "make race    fly the five gates in simulation; the run goes to runs/"
-	@echo "make test    lint, types and all tests"
-	@echo "make lint    ruff and mypy only"
-	@echo "make lock    pin the dependencies of pyproject.toml in requirements.lock (needs uv)"
-	@echo "make clean   remove .venv and caches; runs/ is kept"
+	@echo "make race      fly the five gates in simulation; the run goes to runs/"
+	@echo "make test      lint, types and all tests"
+	@echo "make coverage  lines that the tests run, those on the wall clock left out"
+	@echo "make lint      ruff and mypy only"
+	@echo "make lock      pin the dependencies of pyproject.toml in requirements.lock (needs uv)"
+	@echo "make clean     remove .venv and caches; runs/ is kept"
 
 race: $(READY)
 	@$(VENV)/bin/flightapp fly missions/five_gates.py --sim
 
+# What is judged by the wall clock has the computer to itself.
 test: lint
-	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile \
+	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock"
+	@$(VENV)/bin/python -m pytest -m wall_clock
+
+coverage: $(READY)
+	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock" \
 		--cov flightapp --cov sim --cov-report term:skip-covered
 
 lint: $(READY)

@@ -33,7 +33,7 @@ class Refusal(StrEnum):
     STALE = "stale"
     NO_STATUS = "the autopilot's mode is not known"
     LINK_LOST = "nothing is heard of the autopilot"
-    STALLED = "the autopilot was not heard since the sender stalled"
+    STALLED = "the sender stalled"
     TAKEN_OVER = "the vehicle was taken over"
     HANDED_OVER = "no sound command for too long"
 
@@ -77,8 +77,9 @@ class CommandGuard:
         self._rate_slew, self._thrust_slew = guard.rate_slew, guard.thrust_slew
         self._state_timeout, self._lost_after = config.safety.state_timeout, config.link.lost_after
         self._attitude_age = config.safety.state_timeout + guard.hold
-        self._stall = guard.late + guard.hold
+        self._stall, self._stall_end = guard.late + guard.hold, guard.stall
         self._asked = math.nan
+        self._stalled = 0.0
         self._heard_from = -math.inf
         self._patience = Patience(guard.hold, 1.0 / config.control.rate)
         self._last: tuple[float, tuple[float, float, float, float]] | None = None
@@ -122,6 +123,7 @@ class CommandGuard:
 
     def rest(self) -> None:
         """No commands are wanted for now, so none is missing."""
+        self._asked = math.nan
         self._patience.rest()
 
     def refused(self, refusal: Refusal, detail: str) -> GuardTrippedError:
@@ -146,7 +148,8 @@ class CommandGuard:
         Raises `GuardTrippedError` for a command that is not finite, malformed, or older than `guard.late`,
         when the mode is not known or nothing was heard of the autopilot for `link.lost_after`, and for every command
         after a takeover or a handing over. After a stall of the sender, in which PX4 may have ended OFFBOARD and would
-        resume it at the next command, nothing passes until the autopilot was heard anew.
+        resume it at the next command, nothing passes until the autopilot was heard anew; after one of more than
+        `guard.stall`, in which it has ended OFFBOARD, nothing passes at all.
         """
         self._pace(now, status)
         try:
@@ -224,7 +227,8 @@ class CommandGuard:
         """Notice that the sender has stalled, be it since before OFFBOARD was seen here."""
         engaged = self._engaged or (status is not None and status.mode is _OFFBOARD)
         if engaged and now - self._asked > self._stall:
-            self._heard_from = now + SETTLE
+            self._stalled = now - self._asked
+            self._heard_from = math.inf if self._stalled > self._stall_end else now + SETTLE
         self._asked = now
 
     def _hear(self, status: AutopilotStatus | None, now: float) -> None:
@@ -235,7 +239,8 @@ class CommandGuard:
         if not abs(age) <= self._lost_after:
             raise GuardTrippedError(Refusal.LINK_LOST, f"for {age:.2f} s, at most {self._lost_after:g} s")
         if status.stamp < self._heard_from:
-            raise GuardTrippedError(Refusal.STALLED, f"it was heard {age:.2f} s ago")
+            since = "which ends OFFBOARD" if self._heard_from == math.inf else f"the autopilot heard {age:.2f} s ago"
+            raise GuardTrippedError(Refusal.STALLED, f"for {self._stalled:.2f} s, {since}")
 
     def _bounded(
         self, wanted: tuple[float, float, float, float], now: float, thrust_min: float

@@ -110,5 +110,8 @@ class Guard(Section):
     thrust_min: Finite = Field(1.0, ge=0.0, le=9.0, description="m/s², least specific force sent in flight")
     late: Finite = Field(0.1, gt=0.0, le=1.0, description="s, a command older than this is not sent")
     hold: Finite = Field(0.15, ge=0.0, le=1.0, description="s without a sound command before the autopilot shall land")
+    stall: Finite = Field(
+        0.45, gt=0.0, le=1.0, description="s without the sender after which the autopilot has left OFFBOARD and lands"
+    )
     rate_slew: Finite = Field(500.0, gt=1.0, le=1e5, description="rad/s², fastest change of a body rate sent")
     thrust_slew: Finite = Field(1500.0, gt=1.0, le=1e6, description="m/s³, fastest change of the thrust sent")

@@ -183,6 +183,23 @@ def test_an_autopilot_that_left_offboard_during_a_stall_is_not_called_back():
     assert ending(sender, True) is Refusal.TAKEN_OVER
 
 
+def test_after_a_stall_longer_than_offboard_lasts_nothing_is_sent_any_more():
+    sender = Sender()
+    sender.tick(True)
+    sent = [sender.tick(True, after=GUARD.stall + TICK), *sender.ticks(True, AS_LONG - 1)]
+    assert sent == [None] * len(sent)
+    assert ending(sender, True) is Refusal.HANDED_OVER
+    sender.guard.release()
+    assert sender.tick(True).thrust == GRAVITY
+
+
+def test_a_pause_in_which_nothing_was_wanted_is_no_stall():
+    sender = Sender()
+    sender.tick(True)
+    sender.guard.rest()
+    assert sender.tick(True, after=2.0 * GUARD.stall).thrust == GRAVITY
+
+
 def test_a_stall_while_holding_is_the_end_of_the_patience():
     sender = Sender()
     sender.ticks(False, 2)

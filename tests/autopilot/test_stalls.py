@@ -19,6 +19,8 @@ import mavlink_peer as px4
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.wall_clock
+
 SENDER = Path(__file__).with_name("stalling_sender.py")
 END = 0.3
 """s within which the stream must have ended."""

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from outside import Flight
 
+pytestmark = pytest.mark.wall_clock
+
 OFFBOARD_LOSS = 0.5
 """s without a setpoint after which PX4 lands (COM_OF_LOSS_T)."""
 ALLOWANCE = 0.5

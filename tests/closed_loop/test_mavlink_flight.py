@@ -9,6 +9,8 @@ import pytest
 from flightapp import app, results
 from flightapp.messages import Outcome
 
+pytestmark = pytest.mark.wall_clock
+
 MISSIONS = Path(__file__).parents[2] / "missions"
 
 
