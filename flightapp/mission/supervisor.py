@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flightapp.autopilot.guard import CommandGuard
+from flightapp.autopilot.guard import SETTLE, CommandGuard
 from flightapp.behaviors.base import Context
 from flightapp.channel import Reader
 from flightapp.interfaces import Autopilot, AutopilotError
@@ -18,6 +18,8 @@ from flightapp.mission.drone import BehaviorFailedError
 
 ASK_AGAIN = 1.0
 """s without news of the autopilot until the landing is asked for again."""
+NEWS = 0.3
+"""s that a landing waits at most for the autopilot's present mode: after a stall of the process a pilot may fly."""
 LAST_WORDS = 1.0
 """s of recording after the motors are off: what the autopilot, or its link, still has to say, as of a reboot."""
 LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
@@ -121,6 +123,7 @@ class Supervisor:
 
     async def _land(self, autopilot: Autopilot) -> None:
         """Ask for the landing, again while nobody answers, until the motors are off or a pilot flies."""
+        await self._hear(autopilot)
         status, asked = Reader(autopilot.status), False
         while not _down(latest := autopilot.status.latest):
             if latest is not None and latest.mode in PILOTED:
@@ -135,6 +138,14 @@ class Supervisor:
                     self._event(str(error))
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(status.newest(), ASK_AGAIN)
+
+    async def _hear(self, autopilot: Autopilot) -> None:
+        """Wait for what the autopilot says from now on, and not for what has been waiting for us."""
+        begun, status = self._context.now(), Reader(autopilot.status)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(NEWS):
+                while (await status.newest()).stamp < begun + SETTLE:
+                    pass
 
     def _event(self, text: str) -> None:
         self._context.bus.event.publish(Event(self._context.now(), "fault", text))

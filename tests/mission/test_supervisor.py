@@ -156,6 +156,20 @@ def test_after_a_pilot_took_over_the_flight_ends_when_he_has_landed():
     assert "land" not in autopilot.calls
 
 
+def test_a_pilot_who_took_over_unheard_is_heard_before_a_landing_is_asked_for():
+    async def fault(context):
+        await asyncio.sleep(4.0)
+        context.bus.fault.publish(Event(context.now(), "fault", "the sender stalled"))
+        await asyncio.sleep(0.1)
+        context.autopilot._set(mode=FlightMode.POSITION, stamp=context.now())
+        await asyncio.sleep(3.0)
+        context.autopilot._set(armed=False, stamp=context.now())
+
+    ending, _, autopilot = fly(up_and_down, during=fault)
+    assert ending.reason == "the sender stalled"
+    assert "land" not in autopilot.calls
+
+
 class SlowToArm(FakeAutopilot):
     """Takes half a second until it says that it has armed."""
 
