@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from flightapp.evaluation.summary import why_failed
 
@@ -71,7 +71,7 @@ def _estimation(results: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
         return None
     ours = [r["estimation_rmse"]["total"] for r in judged]
     theirs = [r["tracker_rmse"]["total"] for r in judged]
-    band = np.asarray(chi2.ppf((0.025, 0.975), 3 * len(judged))) / len(judged)
+    band = np.asarray(chdtri(3 * len(judged), (0.975, 0.025))) / len(judged)
     return {
         "rmse": _quantiles(ours),
         "tracker_rmse": _quantiles(theirs),
