@@ -31,7 +31,11 @@ LEAST_FORCE = 1e-3
 ASKEW, REFUSED = math.cos(math.radians(35.0)), math.cos(math.radians(65.0))
 """Cosines of the angle to a gate's direction beyond which runs straight through it are tried, and of the greatest."""
 RUN = (0.3, 1.5)
-"""m, bounds of that run: short of it is 0.4 of the shorter of the legs that meet in the gate."""
+"""m, bounds of that run."""
+SHARES = (0.4, 0.8, 0.2)
+"""Of the shorter of the legs that meet in a gate, the runs that are tried in turn."""
+ROUNDS = 6
+"""Of plans with such runs, until none of the gates would be refused."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,14 +72,15 @@ class PolynomialPlanner:
         """A trajectory through the gates of ``request``; raises `PlanningError`."""
         check_request(request)
         route = gate_route(request)
-        trajectory, askew = self._along(route, request)
-        if askew and min(askew.values()) < ASKEW:
-            trajectory, askew = self._straighter(route, request, trajectory, askew)
-        if askew and min(askew.values()) < REFUSED:
-            worst = min(askew, key=lambda k: askew[k])
+        trajectory, cosines = self._along(route, request)
+        if cosines and min(cosines.values()) < ASKEW:
+            trajectory, cosines = self._straighter(route, request, trajectory, cosines)
+        if cosines and min(cosines.values()) < REFUSED:
+            worst = min(cosines, key=lambda k: cosines[k])
             raise PlanningError(
-                f"gate {request.gates[worst].gate_id} would be crossed at {math.degrees(math.acos(askew[worst])):.0f}°"
-                " to its direction of passage: lead up to it with waypoints, or move its neighbours"
+                f"gate {request.gates[worst].gate_id} would be crossed at"
+                f" {math.degrees(math.acos(cosines[worst])):.0f}° to its direction of passage: lead up to it with"
+                " waypoints, or move its neighbours"
             )
         return trajectory
 
@@ -100,13 +105,25 @@ class PolynomialPlanner:
     def _straighter(
         self, route: Route, request: PlanRequest, trajectory: Trajectory, cosines: dict[int, float]
     ) -> tuple[Trajectory, dict[int, float]]:
-        """The better of ``trajectory`` and one that is led straight through the gates that it crosses askew."""
-        askew = {route.gate_places[k] for k, cosine in cosines.items() if cosine < ASKEW}
-        try:
-            other, found = self._along(_with_runs(route, askew), request)
-        except PlanningError:
-            return trajectory, cosines
-        return (other, found) if min(found.values()) > min(cosines.values()) else (trajectory, cosines)
+        """The best of ``trajectory`` and ones that are led straight through the gates crossed askew.
+
+        Runs through some gates may bend the way through others: these get theirs in turn, and one that is still
+        crossed askew a longer or shorter one.
+        """
+        best, runs = (trajectory, cosines), dict.fromkeys(_askew(route, cosines), 0)
+        for _ in range(ROUNDS):
+            try:
+                trajectory, cosines = self._along(_with_runs(route, runs), request)
+            except PlanningError:
+                break
+            if min(cosines.values()) > min(best[1].values()):
+                best = trajectory, cosines
+            askew = _askew(route, cosines)
+            if not askew or min(cosines.values()) >= REFUSED:
+                break
+            for place in askew:
+                runs[place] = (runs[place] + 1) % len(SHARES) if place in runs else 0
+        return best
 
     def _along(self, route: Route, request: PlanRequest) -> tuple[Trajectory, dict[int, float]]:
         """The trajectory, and the cosines of the angles at which it crosses gates, by their index."""
@@ -183,13 +200,19 @@ def _cosines(s: Spline, route: Route) -> dict[int, float]:
     return cosines
 
 
-def _with_runs(route: Route, askew: set[int]) -> Route:
-    """``route`` with a point before and one behind each of the gates whose places are ``askew``."""
+def _askew(route: Route, cosines: dict[int, float]) -> list[int]:
+    """Places in ``route`` of the gates that are crossed askew."""
+    return [route.gate_places[k] for k, cosine in cosines.items() if cosine < ASKEW]
+
+
+def _with_runs(route: Route, runs: dict[int, int]) -> Route:
+    """``route`` with a point before and one behind each of the gates at the places of ``runs``, by its `SHARES`."""
     points, directions, where, plain = [], [], [], np.zeros(3)
     legs = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
     for place, (point, direction) in enumerate(zip(route.points, route.directions, strict=True)):
-        if place in askew:
-            run = min(max(0.4 * min(legs[place - 1], legs[place]), RUN[0]), RUN[1]) * direction
+        if place in runs:
+            share = SHARES[runs[place]]
+            run = min(max(share * min(legs[place - 1], legs[place]), RUN[0]), RUN[1]) * direction
             points += [point - run, point, point + run]
             directions += [plain, direction, plain]
             where.append(len(points) - 2)
