@@ -1,7 +1,7 @@
 """Four gates in the middle of the sides of a 5 m × 4 m rectangle, one marker each."""
 
 TRACK = "tracks/four_gates.toml"
-SETTINGS = {"race.v_max": 1.0, "race.a_max": 4.0, "race.standoff": 2.0, "mission.takeoff_height": 1.0}
+SETTINGS = {"race.v_max": 1.0, "race.standoff": 2.0, "mission.takeoff_height": 1.0}
 
 
 async def mission(drone):

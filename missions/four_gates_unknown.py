@@ -1,6 +1,6 @@
 """Four gates around a rectangle of 5 m × 4 m, of which only the number and the markers are known."""
 
-TRACK = "tracks/four_gates.toml"
+TRACK = "tracks/four_gates_far.toml"
 SETTINGS = {
     "mission.gates_known": False,
     "mission.geofence": [-6.0, -6.0, -0.5, 6.0, 6.0, 4.0],

@@ -29,6 +29,9 @@ NEAR = 1.0
 BOUND = 0.999
 """Share of a limit at which a command counts as held back by it."""
 
+COLLECTIVE = 0.96
+"""Share of the full thrust that is to be had while turning: near it the rotors that turn the vehicle take from it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Feasibility:
@@ -159,7 +162,8 @@ class Screen:
     """Tells trajectories that fly from those that would not."""
 
     def __init__(self, config: Config) -> None:
-        self._parameters = np.array(parameters_of(config)._replace(delay=0.0))
+        thrust_max = COLLECTIVE * config.vehicle.thrust_max
+        self._parameters = np.array(parameters_of(config)._replace(delay=0.0, thrust_max=thrust_max))
         self._period = 1.0 / config.control.rate
         self._allowed = config.planning.screen_error
 

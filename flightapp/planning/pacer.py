@@ -19,7 +19,7 @@ SETTLE = 0.01
 """s from a takeover to the beginning of its change."""
 TOLERATED = 1.02
 """Share of a limit, or of what the plan itself takes there, that a change may take."""
-SLOWER = (1.0, 0.9, 0.8, 0.7)
+SLOWER = (1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.7)
 """Shares of the wanted rate at which a new plan is offered."""
 SAME = 1e-3
 """Rates that differ by less are one."""

@@ -1,14 +1,17 @@
 """The whole application in virtual time, judged by ground truth."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 from flightapp import app, results
+from flightapp.evaluation.plan_table import yardsticks
 from flightapp.evaluation.summary import why_failed
 
 MISSIONS = Path(__file__).parents[2] / "missions"
+LIMITS = Path(__file__).parents[2] / "config" / "sim_limits.toml"
 CORNERS = ("sim.camera='corners'",)
 
 
@@ -34,6 +37,18 @@ def test_a_race_passes_every_gate(tmp_path, mission, seed, overrides):
     assert all(gate["passed"] and gate["offset"] < 0.45 for gate in summary["gates"])
     assert summary["estimation_rmse"]["total"] < 1.0
     assert summary["v_peak"] > 0.5
+
+
+@pytest.mark.parametrize(("mission", "v_max", "ratio"), [("four_gates", 4.0, 1.10), ("five_gates", math.inf, 1.25)])
+def test_known_gates_are_flown_in_little_more_than_the_least_time(tmp_path, mission, v_max, ratio):
+    (course,) = (course for course in yardsticks().courses if course.name == mission)
+    least = next(least for speed, least, _ in course.optimum if speed == v_max)
+    settings = (f"race.v_max={min(v_max, 25.0)}", "sim.survey='exact'", "sim.tracker='ideal'", *CORNERS)
+    plan = app.FlightPlan(MISSIONS / f"{mission}.py", tmp_path / "run", vehicle=LIMITS, overrides=settings, seed=1030)
+    summary = results.finish(app.fly(plan), page=False)
+    assert why_failed(summary) == "", summary
+    assert all(gate["passed"] and gate["offset"] < 0.5 for gate in summary["gates"])
+    assert least < summary["elapsed"] <= ratio * least
 
 
 def test_a_race_with_rendered_images_passes_every_gate(tmp_path):

@@ -167,7 +167,7 @@ def test_a_change_asks_nothing_new_of_the_vehicle(track, before, after):
 def test_slower_plans_are_offered_down_to_the_least_pace():
     pacer = Pacer(load_config(None, {"planning.pace_min": 0.75}))
     rates = [choice.pace.after for choice in pacer.offers(PLAN, REQUEST, 1.0)]
-    assert rates == pytest.approx([1.0, 0.9, 0.8])
+    assert rates == pytest.approx([1.0, 0.97, 0.94, 0.9, 0.85, 0.8])
     pacer = Pacer(load_config(None, {"planning.pace_min": 1.0}))
     assert [choice.pace.after for choice in pacer.offers(PLAN, REQUEST, 1.0)] == [1.0]
 
