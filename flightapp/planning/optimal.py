@@ -19,11 +19,11 @@ from flightapp.trajectory import ORDER
 
 FOUND, EXCEEDED, UNEVEN = 0, 1, 2
 """Outcomes: a plan; none that keeps to the limits; the arithmetic failed."""
-WEIGHT, WEIGHT_MOVING = 50.0, 200.0
+WEIGHT, WEIGHT_MOVING = 100.0, 200.0
 """s per squared relative excess, of the penalty; the latter where the plan cannot be flown slower afterwards."""
 BELOW = 0.99
 """Share of the limits that is aimed at then."""
-TOLERANCE, TOLERANCE_MOVING = 3e-3, 1e-2
+TOLERANCE, TOLERANCE_MOVING = 2e-3, 1e-2
 """Relative descent of one step below which the search is given up; the latter where the plan has moving ends."""
 PATIENCE, PATIENCE_MOVING = 2, 1
 """Such steps in a row."""

@@ -22,8 +22,9 @@ from flightapp.planning.spline import Spline, spline
 from flightapp.trajectory import ORDER, Trajectory
 
 ORDERS: dict[str, Order] = {"acceleration": ACCELERATION, "jerk": JERK, "snap": SNAP}
-RAMP = 1.0
-"""Times v²/a, the way on which a long single leg gathers speed."""
+RAMP, LEAST_RAMP = 0.4, 0.25
+"""s at the greatest speed: the way on which a route gathers speed, if it takes that long, and the least that is worth a
+point of its own."""
 REST = 0.2
 """s that a plan takes that stays where it is."""
 LEAST_FORCE = 1e-3
@@ -89,18 +90,28 @@ class PolynomialPlanner:
         check_request(request)
         return self._along(point_route(waypoints, request), request)[0]
 
-    def _with_cruise(self, route: Route, limits: Limits) -> Route:
-        """``route``, a single leg; a long one with points where the cruise at v_max begins and ends."""
-        leg = route.points[1] - route.points[0]
-        length = float(np.linalg.norm(leg))
-        a_max = min(limits.a_max, math.sqrt(max(self._vehicle[0] ** 2 - GRAVITY**2, 0.0)))
-        ramp = RAMP * limits.v_max**2 / a_max if a_max > 0.0 else math.inf
-        if not 3.0 * ramp < length:
+    def _with_ramps(self, route: Route, limits: Limits, ends: Vector) -> Route:
+        """``route`` with a point where it has gathered speed, and one where it begins to slow down.
+
+        Only on legs that are long enough, and beside ends without motion (``ends`` (2, 3, 3)) unless it is one leg.
+        """
+        v, lift = limits.v_max, math.sqrt(max(self._vehicle[0] ** 2 - GRAVITY**2, 0.0))
+        shortest = v * v / max(min(limits.a_max, lift), LEAST_FORCE)
+        way, least = max(shortest, RAMP * v), max(shortest, LEAST_RAMP * v)
+        points, one = route.points, len(route.points) == 2
+        thirds = math.dist(points[0], points[1]) / 3.0, math.dist(points[-1], points[-2]) / 3.0
+        first, last = (thirds[k] >= least and (one or not ends[k].any()) for k in (0, 1))
+        if not (first or last):
             return route
-        share = ramp / length * leg
-        points = np.array((route.points[0], route.points[0] + share, route.points[1] - share, route.points[1]))
-        directions = np.zeros((4, 3))
-        return Route(points, directions, tuple(3 * place for place in route.gate_places))
+        begin = [points[0] + min(way / thirds[0], 1.0) / 3.0 * (points[1] - points[0])] if first else []
+        finish = [points[-1] + min(way / thirds[1], 1.0) / 3.0 * (points[-2] - points[-1])] if last else []
+        rows, plain = np.array([points[0], *begin, *points[1:-1], *finish, points[-1]]), np.zeros((1, 3))
+        before, after = plain[: len(begin)], plain[: len(finish)]
+        directions = np.concatenate(
+            (route.directions[:1], before, route.directions[1:-1], after, route.directions[-1:])
+        )
+        places = (k + (k > 0) * first + (k == len(points) - 1) * last for k in route.gate_places)
+        return Route(rows, directions, tuple(places))
 
     def _straighter(
         self, route: Route, request: PlanRequest, trajectory: Trajectory, cosines: dict[int, float]
@@ -127,13 +138,12 @@ class PolynomialPlanner:
 
     def _along(self, route: Route, request: PlanRequest) -> tuple[Trajectory, dict[int, float]]:
         """The trajectory, and the cosines of the angles at which it crosses gates, by their index."""
-        if len(route.points) == 2:
-            route = self._with_cruise(route, request.limits)
-        start, n = request.start, len(route.points) - 1
-        ends = np.zeros((2, 3, 3))
+        start, ends = request.start, np.zeros((2, 3, 3))
         ends[0, 0], ends[0, 1], ends[0, 2] = start.velocity, start.acceleration, start.jerk
         if request.arrival is not None:
             ends[1] = request.arrival
+        route = self._with_ramps(route, request.limits, ends)
+        n = len(route.points) - 1
         knots, coefficients = np.empty(n + 3), np.empty((n + 2, 3, ORDER))
         cosines: dict[int, float] = {}
         moving = bool(np.count_nonzero(ends))
