@@ -72,7 +72,7 @@ def test_where_it_fails_is_told_by_the_nearest_gate():
 def test_more_thrust_flies_what_less_cannot():
     weak = Screen(load_config(None, {"vehicle.thrust_to_weight": 1.4, "race.a_max": 5.0, "control.tilt_max_deg": 80.0}))
     strong = Screen(load_config(None, {"vehicle.thrust_to_weight": 6.0, "control.tilt_max_deg": 80.0}))
-    plan = squeezed(FOUR, 2.5)
+    plan = squeezed(FOUR, 2.0)
     assert strong.check(plan).ok
     assert not weak.check(plan).ok
     assert "thrust saturated" in weak.check(plan).why
