@@ -20,16 +20,13 @@ from flightapp import app
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.channel import Topic
 from flightapp.config import Config
-from flightapp.control.flatness import FlatnessController, flatness_command
-from flightapp.control.parameters import parameters_of
-from flightapp.control.prediction import ENTRY, HISTORY
+from flightapp.control_speed import BATCH, compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.estimation.fusion import FusionEstimator
 from flightapp.evaluation.paper import profiling_times
 from flightapp.evaluation.plan_table import yardsticks
 from flightapp.frames import GRAVITY, Vector, quat_from_yaw, quat_to_matrix
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Limits, Motion, PlanRequest
-from flightapp.jit import kernel
 from flightapp.messages import (
     AutopilotStatus,
     FlightMode,
@@ -39,7 +36,6 @@ from flightapp.messages import (
     GateSighting,
     ImuSample,
     PoseSample,
-    RateCommand,
     Sightings,
     VehicleState,
 )
@@ -54,7 +50,6 @@ from flightapp.track import Gate, GateShape, Start, Track
 from flightapp.trajectory import Trajectory
 
 MISSION = Path(__file__).parents[1] / "missions" / "five_gates.py"
-BATCH = 1000
 UNMEASURED = 3
 """Runs before those that are timed."""
 GATE_DISTANCE = 4.0
@@ -124,44 +119,14 @@ def measure(name: str, function: Callable[[], object], count: int, calls: int = 
     return Row(name, count * calls, float(p50), float(p99))
 
 
-@kernel
-def _commands(
-    parameters: Vector, state: Vector, knots: Vector, c: Vector, yk: Vector, yc: Vector, history: Vector, n: int
-) -> float:
-    """So many commands in a row, each from a state 3 ms old, without leaving compiled code."""
-    learnt, scratch, total = np.zeros(4), np.zeros(37), 0.0
-    for tick in range(n):
-        stamp = 0.004 * tick
-        state[0] = stamp - 0.003
-        total += flatness_command(parameters, stamp, state, 0.0, knots, c, yk, yc, history, tick, learnt, scratch)
-    return total
-
-
-def compiled_commands(config: Config, line: Trajectory) -> Callable[[], float]:
-    """Makes a batch of commands along ``line`` in compiled code, each with a prediction over the configured delay."""
-    state = np.array((0.0, 0.0, 0.0, 1.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    pieces = (line.knots, line.coefficients, line.yaw_knots, line.yaw_coefficients)
-    parameters, history = np.array(parameters_of(config)), np.zeros((HISTORY, ENTRY))
-    return lambda: _commands(parameters, state, *pieces, history, BATCH)
-
-
-def python_commands(config: Config, line: Trajectory) -> Callable[[], RateCommand]:
-    """Makes one command after the other along ``line``, as an application does."""
-    controller, clock = FlatnessController(config), _clock(0.004)
-
-    def command() -> RateCommand:
-        stamp = next(clock)
-        return controller.command(stamp, _state(stamp - 0.003), line)
-
-    return command
-
-
 def _control() -> Iterator[Row]:
     config = Config()
     line = _plan(config, 6)
-    yield measure("controller", compiled_commands(config, line), 200, BATCH)
+    yield measure("controller", compiled_laws(config, line), 200, BATCH)
+    yield measure("controller_predicting", compiled_commands(config, line), 200, BATCH)
     command, guard = python_commands(config, line), CommandGuard(config)
-    yield measure("controller_from_python", command, 20000)
+    yield measure("controller_from_python", packed_commands(config, line), 20000)
+    yield measure("controller_task", command, 20000)
     status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 1.0)
     topics: tuple[Topic[Any], Topic[Any]] = (Topic("setpoint"), Topic("command"))
 

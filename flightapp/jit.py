@@ -59,3 +59,8 @@ def fused_kernel(function: Callable[P, R]) -> Callable[P, R]:
 def fused(function: Callable[P, R]) -> Callable[P, R]:
     """`inlined` into a `fused_kernel`."""
     return cast(Callable[P, R], numba.njit(function, **_LEAN, **_INLINED, **_FUSED))
+
+
+def shared(function: Callable[P, R]) -> Callable[P, R]:
+    """`fused`, and Python can call it as well."""
+    return cast(Callable[P, R], numba.njit(function, cache=True, forceinline=True, **_LEAN, **_FUSED))

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 
 from flightapp.config import Config, load_config
-from flightapp.control.flatness import flatness_command
+from flightapp.control import layout as told
+from flightapp.control.flatness import control_memory, flatness_command
 from flightapp.control.parameters import parameters_of
-from flightapp.control.prediction import ENTRY, HISTORY
 from flightapp.frames import GRAVITY, Vector
 from flightapp.interfaces import Limits, Motion, PlanRequest
 from flightapp.jit import kernel
@@ -27,10 +27,10 @@ LAPS = 5
 @kernel
 def _fly(
     memory: Vector,
+    control: Vector,
     ticks: int,
     throttle: float,
     delay: float,
-    parameters: Vector,
     knots: Vector,
     coefficients: Vector,
     yaw_knots: Vector,
@@ -38,27 +38,25 @@ def _fly(
 ) -> float:
     """Fly so many ticks along a trajectory that starts at 0; the greatest distance from it, m.
 
-    ``throttle`` is what one m/s² of specific force takes, ``delay`` s what a command takes to arrive.
+    ``memory`` is the plant's and ``control`` the controller's, with the same trajectory. ``throttle`` is what one m/s²
+    of specific force takes, ``delay`` s what a command takes to arrive.
     """
-    state, reference, scratch = np.empty(14), np.empty(17), np.zeros(37)
-    history, learnt = np.zeros((HISTORY, ENTRY)), np.zeros(4)
-    worst = 0.0
+    reference, worst = np.empty(17), 0.0
     for tick in range(ticks):
         now = memory[at.CONSTANTS + at.P_STEP] * memory[at.STEPS]
-        state[0] = now
+        control[told.STAMP] = control[told.STATE] = now
         for k in range(13):
-            state[1 + k] = memory[at.POSITION + k]
+            control[told.STATE + 1 + k] = memory[at.POSITION + k]
         evaluate(knots, coefficients, yaw_knots, yaw_coefficients, now, reference)
         error = 0.0
         for k in range(3):
             error += (memory[at.POSITION + k] - reference[k]) ** 2
         worst = max(worst, error)
-        pieces = (knots, coefficients, yaw_knots, yaw_coefficients)
-        thrust = flatness_command(parameters, now, state, 0.0, *pieces, history, tick, learnt, scratch)
+        thrust = flatness_command(control)
         row = at.QUEUE + tick % at.QUEUE_ROWS * at.QUEUE_COLUMNS
         memory[row] = now + delay
         for k in range(3):
-            memory[row + 1 + k] = scratch[k]
+            memory[row + 1 + k] = control[told.RATES + k]
         memory[row + 4] = min(max(throttle * thrust, 0.0), 1.0)
         memory[at.QUEUE_TAIL] = tick + 1.0
         if memory[at.NOISE_ROW] + STEPS > at.NOISE_ROWS:
@@ -87,7 +85,8 @@ def laps(config: Config, line: Trajectory) -> float:
     pieces = (line.knots, line.coefficients, line.yaw_knots, line.yaw_coefficients)
     ticks = int(line.duration / (0.001 * STEPS))
     throttle = config.vehicle.hover_thrust / GRAVITY
-    return _fly(plant.memory, ticks, throttle, vehicle.delay, np.array(parameters_of(config)), *pieces)
+    control = control_memory(parameters_of(config), line)
+    return _fly(plant.memory, control, ticks, throttle, vehicle.delay, *pieces)
 
 
 def rows() -> list[tuple[str, float, Callable[[], object]]]:

@@ -40,6 +40,20 @@ class Planning(Section):
     pace_ahead: Finite = Field(2.0, gt=0.0, le=20.0, description="s before a gate from which its uncertainty counts")
 
 
+Term = Literal[
+    "acceleration",
+    "jerk",
+    "snap",
+    "drag",
+    "prediction",
+    "rate_lead",
+    "thrust_lead",
+    "error_rate",
+    "disturbance",
+    "drift",
+]
+
+
 class Control(Section):
     """Trajectory tracking."""
 
@@ -49,16 +63,26 @@ class Control(Section):
     position_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, horizontal position loop")
     height_bandwidth: Finite = Field(4.5, gt=0.1, le=20.0, description="rad/s, vertical position loop")
     height_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, vertical position loop")
-    integral: Finite = Field(0.5, ge=0.0, le=5.0, description="1/s, rate at which a steady error is removed")
+    disturbance_bandwidth: Finite = Field(
+        8.0, ge=0.0, le=20.0, description="rad/s, observer of the force that the model does not explain; 0: none"
+    )
+    drift_bandwidth: Finite = Field(
+        2.0, ge=0.0, le=10.0, description="rad/s, observer of a velocity that does not fit the positions; 0: none"
+    )
+    trim_rate: Finite = Field(
+        0.5, ge=0.0, le=5.0, description="1/s, at which what lasts of it is put down to thrust and drag"
+    )
     attitude_bandwidth: Finite = Field(8.0, gt=0.5, le=40.0, description="1/s, tilt loop")
     yaw_bandwidth: Finite = Field(3.0, gt=0.1, le=20.0, description="1/s, heading loop")
     tilt_max_deg: Finite = Field(65.0, gt=5.0, le=170.0, description="°, greatest tilt commanded")
     error_max: Finite = Field(1.0, gt=0.05, le=20.0, description="m, position errors count no more than this")
-    push_max: Finite = Field(2.0, ge=0.0, le=10.0, description="m/s², greatest steady horizontal push learnt (wind)")
+    drag_trim_max: Finite = Field(0.9, ge=0.0, le=0.9, description="greatest relative drag error learnt")
+    push_max: Finite = Field(4.0, ge=0.0, le=10.0, description="m/s², greatest disturbance learnt (wind, drag)")
     trim_max: Finite = Field(0.25, ge=0.0, le=0.5, description="greatest relative thrust error learnt (mass, battery)")
     airborne_height: Finite = Field(
         0.25, ge=-100.0, le=100.0, description="m, world height from which these are learnt"
     )
+    without: tuple[Term, ...] = Field((), description="terms of the control law that are left out, to see their worth")
 
 
 class Race(Section):

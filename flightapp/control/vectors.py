@@ -2,37 +2,38 @@
 
 import math
 
-from flightapp.jit import kernel
+from flightapp.jit import shared
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+SIXTH = 1.0 / 6.0
 
 
-@kernel
+@shared
 def dot(a: Triple, b: Triple) -> float:
     """a · b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@shared
 def cross(a: Triple, b: Triple) -> Triple:
     """a × b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@shared
 def along(a: Triple, s: float, b: Triple) -> Triple:
     """a + s b."""
     return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
 
 
-@kernel
+@shared
 def scaled(s: float, a: Triple) -> Triple:
     """s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
-@kernel
+@shared
 def axes(q: Quaternion) -> tuple[Triple, Triple, Triple]:
     """The body's x, y and z axes in the world, of a unit quaternion q_wb."""
     w, x, y, z = q
@@ -43,20 +44,37 @@ def axes(q: Quaternion) -> tuple[Triple, Triple, Triple]:
     )
 
 
-@kernel
-def turned(q: Quaternion, rates: Triple, duration: float) -> Quaternion:
-    """``q`` (q_wb) after turning at ``rates`` (rad/s, body) for ``duration`` s, normalised.
+@shared
+def product(q: Quaternion, r: Quaternion) -> Quaternion:
+    """q ⊗ r."""
+    return (
+        q[0] * r[0] - q[1] * r[1] - q[2] * r[2] - q[3] * r[3],
+        q[0] * r[1] + q[1] * r[0] + q[2] * r[3] - q[3] * r[2],
+        q[0] * r[2] - q[1] * r[3] + q[2] * r[0] + q[3] * r[1],
+        q[0] * r[3] + q[1] * r[2] - q[2] * r[1] + q[3] * r[0],
+    )
 
-    Sine and cosine are cut after the third order, which is exact to 1e-6 rad for turns up to 0.1 rad.
+
+@shared
+def unit(q: Quaternion) -> Quaternion:
+    """``q`` (not 0) at length 1."""
+    n = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return n * q[0], n * q[1], n * q[2], n * q[3]
+
+
+@shared
+def small_turn(angle: Triple) -> Quaternion:
+    """The turn by the rotation vector ``angle`` (rad), of length 1 to 1e-5 for turns up to 0.3 rad.
+
+    Sine and cosine are cut after the third order.
     """
-    h = 0.5 * duration
-    x, y, z = h * rates[0], h * rates[1], h * rates[2]
-    n2 = x * x + y * y + z * z
-    s = 1.0 - n2 / 6.0
-    dw, dx, dy, dz = 1.0 - 0.5 * n2, s * x, s * y, s * z
-    w = q[0] * dw - q[1] * dx - q[2] * dy - q[3] * dz
-    i = q[0] * dx + q[1] * dw + q[2] * dz - q[3] * dy
-    j = q[0] * dy - q[1] * dz + q[2] * dw + q[3] * dx
-    k = q[0] * dz + q[1] * dy - q[2] * dx + q[3] * dw
-    n = 1.0 / math.sqrt(w * w + i * i + j * j + k * k)
-    return n * w, n * i, n * j, n * k
+    x, y, z = scaled(0.5, angle)
+    square = x * x + y * y + z * z
+    s = 1.0 - SIXTH * square
+    return 1.0 - 0.5 * square, s * x, s * y, s * z
+
+
+@shared
+def turned(q: Quaternion, rates: Triple, duration: float) -> Quaternion:
+    """``q`` (q_wb) after turning at ``rates`` (rad/s, body) for ``duration`` s, by a `small_turn`, normalised."""
+    return unit(product(q, small_turn(scaled(duration, rates))))

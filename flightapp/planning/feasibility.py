@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flightapp.config import Config
+from flightapp.control import layout as at
 from flightapp.control.attitude import thrust_turn
-from flightapp.control.flatness import flatness_command
+from flightapp.control.flatness import control_memory, flatness_command
+from flightapp.control.foresight import remember
 from flightapp.control.parameters import Parameters, parameters_of, unpacked
-from flightapp.control.prediction import ENTRY, HISTORY, Motion, predict
+from flightapp.control.prediction import ENTRY, HISTORY, MASK, Motion, predict
 from flightapp.control.vectors import Quaternion, Triple, axes, cross, dot
 from flightapp.frames import GRAVITY, Vector
 from flightapp.jit import kernel
@@ -99,8 +101,20 @@ def _begin(p: Parameters, r: Vector) -> Motion:
 
 
 @kernel
+def _tell(m: Vector, stamp: float, motion: Motion) -> None:
+    """Have the controller at ``stamp`` see ``motion`` as it is."""
+    position, velocity, q, rates, _ = motion
+    s = at.STATE
+    m[at.STAMP] = m[s] = stamp
+    m[s + 1], m[s + 2], m[s + 3] = position
+    m[s + 4], m[s + 5], m[s + 6], m[s + 7] = q
+    m[s + 8], m[s + 9], m[s + 10] = velocity
+    m[s + 11], m[s + 12], m[s + 13] = rates
+
+
+@kernel
 def closed_loop(
-    parameters: Vector,
+    m: Vector,
     knots: Vector,
     coefficients: Vector,
     yaw_knots: Vector,
@@ -111,40 +125,37 @@ def closed_loop(
 ) -> None:
     """Fly a trajectory from its start to its end with one command every ``period`` s, or until ``lost`` m off it.
 
-    ``parameters`` (23,) are the control kernels'. ``report`` (5,) gets the greatest error (m), its time (s), and
-    the seconds during which the limits of thrust, tilt and body rates were in the way.
+    ``m`` is the controller's memory with the same trajectory, from 0 on. ``report`` (5,) gets the greatest error (m),
+    its time (s), and the seconds during which the limits of thrust, tilt and body rates were in the way.
     """
-    p = unpacked(parameters)
-    history, learnt, scratch = np.zeros((HISTORY, ENTRY)), np.zeros(4), np.zeros(37)
-    state, r = np.empty(14), np.empty(17)
+    p = unpacked(m)
+    history, r = np.zeros((HISTORY, ENTRY)), np.empty(17)
     evaluate(knots, coefficients, yaw_knots, yaw_coefficients, 0.0, r)
     motion = _begin(p, r)
     # What the vehicle is doing is the effect of a command before.
+    rates, thrust = motion[3], motion[4]
     first = history[0]
-    first[0], first[4], first[5] = -period, motion[4], motion[4]
-    first[1], first[2], first[3] = motion[3]
+    first[0], first[4], first[5] = -period, thrust, thrust
+    first[1], first[2], first[3] = rates
+    told = (rates[0], rates[1], rates[2], thrust)
+    remember(m, -period, told, told, (0.0, 0.0, 0.0, 0.0))
     count = 1
     for i in range(report.size):
         report[i] = 0.0
     for tick in range(math.ceil(knots[-1] / period)):
         stamp = tick * period
-        position, velocity, q, rates, _ = motion
-        state[0] = stamp
-        state[1], state[2], state[3] = position
-        state[4], state[5], state[6], state[7] = q
-        state[8], state[9], state[10] = velocity
-        state[11], state[12], state[13] = rates
-        sent = flatness_command(
-            parameters, stamp, state, 0.0, knots, coefficients, yaw_knots, yaw_coefficients, history, count, learnt,
-            scratch,
-        )  # fmt: skip
+        _tell(m, stamp, motion)
+        sent = flatness_command(m)
         if math.isnan(sent):
             report[0], report[1] = math.inf, stamp
             return
+        entry = history[count & MASK]
+        entry[0], entry[4], entry[5] = stamp + p.delay, sent / (1.0 + m[at.TRIM]), motion[4]
+        entry[1], entry[2], entry[3] = m[at.RATES], m[at.RATES + 1], m[at.RATES + 2]
         count += 1
         if sent >= BOUND * p.thrust_max or sent <= p.thrust_min / BOUND:
             report[2] += period
-        if scratch[0] ** 2 + scratch[1] ** 2 >= (BOUND * p.rate_max) ** 2:
+        if m[at.RATES] ** 2 + m[at.RATES + 1] ** 2 >= (BOUND * p.rate_max) ** 2:
             report[4] += period
         motion = predict(p, motion, stamp, stamp + period, history, count)
         evaluate(knots, coefficients, yaw_knots, yaw_coefficients, stamp + period, r)
@@ -163,7 +174,7 @@ class Screen:
 
     def __init__(self, config: Config) -> None:
         thrust_max = COLLECTIVE * config.vehicle.thrust_max
-        self._parameters = np.array(parameters_of(config)._replace(delay=0.0, thrust_max=thrust_max))
+        self._parameters = parameters_of(config)._replace(delay=0.0, thrust_max=thrust_max)
         self._period = 1.0 / config.control.rate
         self._allowed = config.planning.screen_error
 
@@ -173,7 +184,8 @@ class Screen:
         knots, coefficients = contiguous(trajectory.knots), contiguous(trajectory.coefficients)
         turns, headings = contiguous(trajectory.yaw_knots), contiguous(trajectory.yaw_coefficients)
         lost = LOST * self._allowed
-        closed_loop(self._parameters, knots, coefficients, turns, headings, self._period, lost, report)
+        memory = control_memory(self._parameters, replace(trajectory, stamp=0.0))
+        closed_loop(memory, knots, coefficients, turns, headings, self._period, lost, report)
         error, when, thrust, tilt, turning = (float(value) for value in report)
         ok = error <= self._allowed
         flown = Feasibility(ok, error, when, thrust, tilt, turning, "")

@@ -160,7 +160,7 @@ def _ramp(t: Vector, length: float) -> Vector:
     return length * step + np.maximum(t - length, 0.0)
 
 
-def believing(lags: Lags, **control: float) -> Config:
+def believing(lags: Lags, **control: object) -> Config:
     """A config that believes ``lags``, with room to race."""
     base = Config()
     known = {

@@ -10,7 +10,7 @@ from flightapp.control.parameters import parameters_of, unpacked
 from flightapp.control.vectors import axes
 from flightapp.frames import GRAVITY, quat_from_euler, quat_from_rotvec, quat_multiply, quat_to_matrix
 
-P = parameters_of(Config())._replace(rate_lag=0.0)
+P = parameters_of(Config())._replace(rate_lead=0.0)
 TILT = np.radians(Config().control.tilt_max_deg)
 G = np.array([0.0, 0.0, GRAVITY])
 numbers = st.floats(-100.0, 100.0)

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba.core.runtime import _nrt_python, rtsys
 
 from flightapp.config import Config
-from flightapp.control.flatness import ControllerError, FlatnessController, flatness_command
+from flightapp.control.flatness import ControllerError, FlatnessController, control_memory, flatness_command
+from flightapp.control.parameters import parameters_of
 from flightapp.messages import VehicleState
 from flightapp.trajectory import hover
 
@@ -104,3 +106,20 @@ def test_commands_do_not_share_memory():
     kept = first.rates.copy()
     CONTROLLER.command(0.004, state([5.0, -5.0, 2.0]), line)
     assert np.array_equal(first.rates, kept)
+
+
+def test_a_tick_allocates_nothing():
+    line = hover(0.0, REST, 0.0)
+    memory = control_memory(parameters_of(CONFIG), line)
+    flatness_command(memory)
+    line.sample(0.0)
+    _nrt_python.memsys_enable_stats()
+    try:
+        counts = [rtsys.get_allocation_stats().alloc]
+        for call in (lambda: flatness_command(memory), lambda: line.sample(0.0)):
+            call()
+            counts.append(rtsys.get_allocation_stats().alloc)
+    finally:
+        _nrt_python.memsys_disable_stats()
+    assert counts[1] == counts[0]
+    assert counts[2] > counts[1]

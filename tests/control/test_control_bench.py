@@ -5,19 +5,28 @@ import math
 from lag_plant import lemniscate
 
 from flightapp.autopilot.guard import CommandGuard
-from flightapp.bench import compiled_commands, python_commands
 from flightapp.config import Config
+from flightapp.control_speed import compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.messages import AutopilotStatus, FlightMode
 
 LINE = lemniscate(5.0)
 
 
 def test_bench_controller(benchmark):
+    """A thousand times the law itself."""
+    assert math.isfinite(benchmark(compiled_laws(Config(), LINE)))
+
+
+def test_bench_controller_predicting(benchmark):
     """A thousand commands in compiled code, each with a prediction over 3 ms + 29 ms of past commands."""
     assert math.isfinite(benchmark(compiled_commands(Config(), LINE)))
 
 
 def test_bench_controller_from_python(benchmark):
+    assert math.isfinite(benchmark(packed_commands(Config(), LINE)))
+
+
+def test_bench_controller_task(benchmark):
     assert math.isfinite(benchmark(python_commands(Config(), LINE)).thrust)
 
 

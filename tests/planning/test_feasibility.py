@@ -8,6 +8,7 @@ import pytest
 from planning_tracks import FIVE_GATES, TRACKS, at_rest, lap_request, lemniscate, request_for
 
 from flightapp.config import Config, load_config
+from flightapp.control.flatness import control_memory
 from flightapp.control.parameters import parameters_of
 from flightapp.interfaces import PlanningError
 from flightapp.planning.answer import Answerer
@@ -84,8 +85,8 @@ def test_a_delay_that_is_predicted_away_changes_next_to_nothing():
     reports = []
     for delay in (0.0, CONFIG.vehicle.delay):
         report = np.zeros(5)
-        parameters = np.array(parameters_of(CONFIG)._replace(delay=delay))
-        closed_loop(parameters, *(np.array(piece) for piece in pieces), 0.004, 5.0, report)
+        memory = control_memory(parameters_of(CONFIG)._replace(delay=delay), plan)
+        closed_loop(memory, *(np.array(piece) for piece in pieces), 0.004, 5.0, report)
         reports.append(report[0])
     assert abs(reports[0] - reports[1]) < 0.03
 
