@@ -20,6 +20,7 @@ from flightapp.autopilot.wanted_parameters import Profile, wanted_parameters
 from flightapp.bench import bench_table, run_bench
 from flightapp.calibrate_commands import calibrate
 from flightapp.config import dump_config, load_config
+from flightapp.control_bench import control_tables, run_control_bench
 from flightapp.evaluation.detection_bench import detection_table, run_detection_bench
 from flightapp.evaluation.plan_table import plan_rows, rows_json, rows_table
 from flightapp.evaluation.planned import plan_json, plan_tables
@@ -143,9 +144,19 @@ def bench(
     detection: Annotated[
         bool, typer.Option("--detection", help="marker detectors side by side: time, share found, corner error")
     ] = False,
+    control: Annotated[
+        bool, typer.Option("--control", help="controllers side by side: tracking errors of vehicle and control alone")
+    ] = False,
+    vehicle: Vehicle = None,
+    runs: Annotated[int, typer.Option(min=1, help="with --control: perturbed vehicles on each course")] = 20,
     json_file: JsonFile = None,
 ) -> None:
     """Computation times on this computer, beside the paper's."""
+    if control:
+        result = run_control_bench(vehicle=vehicle, runs=runs)
+        console.print(*map(rich_table, control_tables(result)), sep="\n")
+        results.write_json(json_file, result)
+        return
     result = run_detection_bench() if detection else run_bench()
     console.print(detection_table(result) if detection else bench_table(result))
     results.write_json(json_file, result)
