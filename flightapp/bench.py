@@ -1,7 +1,6 @@
 """Computation times on this computer, beside the paper's profiling table."""
 
 import itertools
-import math
 import os
 import platform
 import tempfile
@@ -22,6 +21,7 @@ from flightapp.channel import Topic
 from flightapp.config import Config
 from flightapp.control_speed import BATCH, compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.estimation.fusion import FusionEstimator
+from flightapp.evaluation.growth import wavy_course
 from flightapp.evaluation.paper import profiling_times
 from flightapp.evaluation.plan_table import yardsticks
 from flightapp.frames import GRAVITY, Vector, quat_from_yaw, quat_to_matrix
@@ -146,7 +146,7 @@ def _planning() -> Iterator[Row]:
     config = Config()
     planner = PolynomialPlanner(config)
     for points, count in ((6, 300), (14, 200), (26, 100), (1000, 3)):
-        request, waypoints = _course(points)
+        request, waypoints = wavy_course(points)
         yield measure(f"plan_{points}", lambda r=request, w=waypoints: planner.through(w, r), count)  # type: ignore[misc]
     yield measure("replan_26", _replans(planner, 26), 300)
     racer, race = RacePlanner(config), _race(config)
@@ -156,7 +156,7 @@ def _planning() -> Iterator[Row]:
 
 def _replans(planner: PolynomialPlanner, points: int) -> Callable[[], Trajectory]:
     """Plans anew along the first leg, each time from further on and with points that moved by centimetres."""
-    request, waypoints = _course(points)
+    request, waypoints = wavy_course(points)
     plan = planner.through(waypoints, request)
     generator, first_leg, asked = np.random.default_rng(0), float(plan.knots[2]), []
     for share in np.linspace(0.1, 0.6, 20):
@@ -298,19 +298,8 @@ def draw_gate(config: Config, track: Track) -> "np.typing.NDArray[np.uint8]":
     return noisy
 
 
-def _course(points: int) -> tuple[PlanRequest, Vector]:
-    """A wavy closed course of so many waypoints, 8 m apart."""
-    angle = np.linspace(0.0, 2.0 * math.pi, points + 1)[1:]
-    radius = 8.0 * points / (2.0 * math.pi)
-    x, y, z = radius * np.sin(angle), radius * (1.0 - np.cos(angle)), 2.0 + np.sin(5.0 * angle)
-    waypoints = np.column_stack((x, y, z))
-    rest = np.zeros(3)
-    start = Motion(np.array((0.0, 0.0, 2.0)), rest, rest, rest, 0.0, 0.0)
-    return PlanRequest(0.0, start, (), waypoints[-1], Limits(5.0, 8.0, 3.0)), waypoints[:-1]
-
-
 def _plan(config: Config, points: int) -> Trajectory:
-    request, waypoints = _course(points)
+    request, waypoints = wavy_course(points)
     return PolynomialPlanner(config).through(waypoints, request)
 
 

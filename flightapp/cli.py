@@ -22,6 +22,7 @@ from flightapp.calibrate_commands import calibrate
 from flightapp.config import dump_config, load_config
 from flightapp.control_bench import control_tables, run_control_bench
 from flightapp.evaluation.detection_bench import detection_table, run_detection_bench
+from flightapp.evaluation.growth import growth_page, growth_tables, measure_growth
 from flightapp.evaluation.plan_table import plan_rows, rows_json, rows_table
 from flightapp.evaluation.planned import plan_json, plan_tables
 from flightapp.evaluation.summary import why_failed
@@ -149,13 +150,21 @@ def bench(
     ] = False,
     vehicle: Vehicle = None,
     runs: Annotated[int, typer.Option(min=1, help="with --control: perturbed vehicles on each course")] = 20,
+    growth: Annotated[
+        Path | None, typer.Option(help="FILE.html: a page on how planning time grows with the number of points")
+    ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """Computation times on this computer, beside the paper's."""
     if control:
-        result = run_control_bench(vehicle=vehicle, runs=runs)
-        console.print(*map(rich_table, control_tables(result)), sep="\n")
-        results.write_json(json_file, result)
+        compared = run_control_bench(vehicle=vehicle, runs=runs)
+        console.print(*map(rich_table, control_tables(compared)), sep="\n")
+        results.write_json(json_file, compared)
+        return
+    if growth is not None:
+        measured = tuple(measure_growth())
+        results.write_text(growth, growth_page(measured), "--growth")
+        console.print(*(rich_table(table) for table in growth_tables(measured)), sep="\n")
         return
     result = run_detection_bench() if detection else run_bench()
     console.print(detection_table(result) if detection else bench_table(result))

@@ -107,9 +107,13 @@ def looks_like_track(file: Path) -> bool:
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:
     """Write ``result`` to ``path``, if there is one; raises `BadInputError` where that cannot be."""
-    if path is None:
-        return
+    if path is not None:
+        write_text(path, json.dumps(result, indent=2) + "\n", "--json")
+
+
+def write_text(path: Path, text: str, option: str) -> None:
+    """Write ``text`` to ``path``, which ``option`` named; raises `BadInputError` where that cannot be."""
     try:
-        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise BadInputError(f"--json {path}: cannot be written: {error.strerror or error}") from None
+        raise BadInputError(f"{option} {path}: cannot be written: {error.strerror or error}") from None
