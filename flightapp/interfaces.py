@@ -114,6 +114,8 @@ class PlanRequest:
     """Of the gates; None where only their centres are known to be free."""
     obstacles: tuple[Box | Cylinder, ...] = ()
     """What to keep clear of."""
+    frames: tuple[GateEstimate, ...] = ()
+    """Other gates, such as those that were passed, whose frames are to be kept clear of as well."""
 
 
 class PlanningError(Exception):

@@ -15,7 +15,7 @@ from flightapp.frames import Vector
 from flightapp.interfaces import PlanningError, PlanRequest
 from flightapp.planning.grid import MOVES, search
 from flightapp.planning.legs import blocked_on, clear_legs, corners, deepest, nudged, reaches
-from flightapp.planning.obstacles import BOX, MARGIN, OWNER, WIDTH, Margins, names, packed
+from flightapp.planning.obstacles import BALL, BOX, CENTRE, MARGIN, OWNER, WIDTH, Margins, names, packed
 from flightapp.planning.request import Route
 from flightapp.track import FRAME_THICKNESS
 
@@ -78,10 +78,9 @@ class Solids:
 
     @classmethod
     def of(cls, request: PlanRequest, margins: Margins) -> "Solids":
-        """The obstacles of ``request`` and the frames of its gates, if their shape is known."""
-        return cls(
-            packed(request.obstacles, request.gates, request.shape, margins), names(request.obstacles, request.gates)
-        )
+        """The obstacles of ``request`` and the frames of its gates and of the others, if their shape is known."""
+        gates = (*request.frames, *request.gates)
+        return cls(packed(request.obstacles, gates, request.shape, margins), names(request.obstacles, gates))
 
 
 def room(points: Vector) -> Vector:
@@ -115,11 +114,14 @@ def detour(places: Places, solids: Solids, bounds: Vector | None = None) -> Way:
 
 
 def _check_places(places: Places, solids: Solids) -> None:
-    """A gate may have something near its centre, as it is wide, but other points must be free, the start excepted."""
-    margins = np.ascontiguousarray(solids.rows[:, MARGIN])
+    """A gate may have something near its centre, as it is wide, but other points must be free, the start excepted.
+
+    They may be as close to something as the start is: a flight that ends beside a frame may be told to stay there.
+    """
+    margins = reaches(places.points[0], places.points[0], solids.rows, 0.0)
     for place in range(1, len(places.points)):
         gate = bool(places.directions[place].any())
-        i, depth = deepest(places.points[place], solids.rows, 0.0 * margins if gate else margins, np.empty(3))
+        i, depth = deepest(places.points[place], solids.rows, np.zeros(len(margins)) if gate else margins, np.empty(3))
         if i < 0:
             continue
         name = f"the centre of {places.names[place]}" if gate else places.names[place]
@@ -135,10 +137,11 @@ def _around(places: Places, solids: Solids, k: int, bounds: Vector) -> Vector:
     """(n, 3) the points between place ``k`` and the next of a way around what blocks the leg."""
     (a, out), (b, into) = _run(places, solids, k, 1.0), _run(places, solids, k + 1, -1.0)
     low, high = np.minimum(bounds[0], np.minimum(a, b)), np.maximum(bounds[1], np.maximum(a, b))
-    rows = np.vstack([solids.rows, _openings(places, k)])
-    reach = reaches(a, b, rows, 0.0)
+    everything = np.vstack([solids.rows, _openings(places, k)])
     nearby = np.maximum(low, np.minimum(a, b) - NEARBY), np.minimum(high, np.maximum(a, b) + NEARBY)
     for box, toll in ((nearby, math.inf), ((low, high), TOLL)):
+        rows = _within(everything, box)
+        reach = reaches(a, b, rows, 0.0)
         way = _search(a, b, rows, box, toll)
         nudged(way, rows, reach)
         blocked = {blocked_on(p, q, rows, reach): None for p, q in itertools.pairwise(way)}
@@ -179,6 +182,13 @@ def _openings(places: Places, k: int) -> Vector:
             ball = math.hypot(thick, half, half)
             rows.append((BOX, *places.points[place], ball, c, s, thick, half, half, NOBODY, 0.0))
     return np.array(rows, float).reshape(-1, WIDTH)
+
+
+def _within(rows: Vector, box: tuple[Vector, Vector]) -> Vector:
+    """Those of ``rows`` that matter for ways within ``box``."""
+    centres, reach = rows[:, CENTRE : CENTRE + 3], (rows[:, BALL] + rows[:, MARGIN] + CELL)[:, None]
+    near = (centres > box[0] - reach) & (centres < box[1] + reach)
+    return np.ascontiguousarray(rows[near.all(axis=1)])
 
 
 def _search(a: Vector, b: Vector, rows: Vector, box: tuple[Vector, Vector], toll: float) -> Vector:

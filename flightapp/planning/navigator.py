@@ -79,6 +79,7 @@ class Navigator:
             look_at,
             shape=self._shape,
             obstacles=self._obstacles,
+            frames=self.known(gate_map),
         )
 
     def detour(self, goal: Goal, request: PlanRequest, choice: Paced, line: Line) -> str:

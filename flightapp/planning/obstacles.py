@@ -8,7 +8,7 @@ equally near.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,8 @@ KIND, CENTRE, BALL, COS, SIN, HALF, OWNER, MARGIN, WIDTH = 0, 1, 4, 5, 6, 7, 10,
 m along, across and up, for a cylinder its radius, nothing and half its height; index of what it belongs to among
 `names`; m that the vehicle's middle is to keep from its surface. Last, how many columns there are."""
 BOX, CYLINDER = 0.0, 1.0
+BARS = 4
+"""Rows of a frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +52,18 @@ def packed(
 
     Without a ``shape`` gates have no frame. A gate that is listed twice is one.
     """
-    rows = [_solid(obstacle, owner, margins.radius + margins.obstacle) for owner, obstacle in enumerate(obstacles)]
-    if shape is not None:
-        for owner, gate in enumerate(_distinct(gates), len(obstacles)):
-            rows += _bars(gate, shape, owner, margins.radius + margins.frame)
-    return np.array(rows, float).reshape(-1, WIDTH)
+    solids = [_solid(obstacle, owner, margins.radius + margins.obstacle) for owner, obstacle in enumerate(obstacles)]
+    framed = _distinct(gates) if shape is not None else []
+    rows = np.empty((len(solids) + BARS * len(framed), WIDTH))
+    if solids:
+        rows[: len(solids)] = solids
+    if framed and shape is not None:
+        bars = rows[len(solids) :]
+        places = np.array([(*gate.position.tolist(), gate.yaw) for gate in framed], float)
+        _put_frames(places, float(shape.opening), float(shape.border), bars)
+        bars[:, OWNER] = np.repeat(np.arange(len(solids), len(solids) + len(framed)), BARS)
+        bars[:, MARGIN] = margins.radius + margins.frame
+    return rows
 
 
 def names(obstacles: Sequence[Box | Cylinder], gates: Sequence[GateEstimate]) -> tuple[str, ...]:
@@ -78,18 +87,22 @@ def _solid(obstacle: Box | Cylinder, owner: int, margin: float) -> tuple[float, 
     return CYLINDER, x, y, z + up, math.hypot(r, up), 1.0, 0.0, r, 0.0, up, owner, margin
 
 
-def _bars(gate: GateEstimate, shape: GateShape, owner: int, margin: float) -> Iterator[tuple[float, ...]]:
-    """Top and bottom over the whole width, left and right between them."""
-    x, y, z = (float(value) for value in gate.position)
-    c, s = math.cos(gate.yaw), math.sin(gate.yaw)
-    inner, bar, thick = 0.5 * shape.opening, 0.5 * shape.border, 0.5 * FRAME_THICKNESS
-    middle, outer = inner + bar, inner + shape.border
-    for side in (-middle, middle):
-        for centre, half in (
-            ((x, y, z + side), (thick, outer, bar)),
-            ((x - s * side, y + c * side, z), (thick, bar, inner)),
-        ):
-            yield BOX, *centre, math.hypot(*half), c, s, *half, owner, margin
+@lean_kernel
+def _put_frames(places: Vector, opening: float, border: float, rows: Vector) -> None:
+    """Fill ``rows`` (4 m, `WIDTH`) but for owner and margin: for each of ``places`` (m, 4), x, y, z and yaw, four bars.
+
+    They are below, right, above and left of the opening; those below and above are as wide as the frame.
+    """
+    inner, bar, thick = 0.5 * opening, 0.5 * border, 0.5 * FRAME_THICKNESS
+    for i in range(rows.shape[0]):
+        row, place, k = rows[i], places[i // BARS], i % BARS
+        c, s = math.cos(place[3]), math.sin(place[3])
+        side = (inner + bar) * (1.0 if k > 1 else -1.0)
+        aside, up, across, high = (0.0, side, inner + border, bar) if k % 2 == 0 else (side, 0.0, bar, inner)
+        row[KIND], row[COS], row[SIN] = BOX, c, s
+        row[CENTRE], row[CENTRE + 1], row[CENTRE + 2] = place[0] - s * aside, place[1] + c * aside, place[2] + up
+        row[HALF], row[HALF + 1], row[HALF + 2] = thick, across, high
+        row[BALL] = math.sqrt(thick * thick + across * across + high * high)
 
 
 @lean_kernel

@@ -3,7 +3,8 @@
 Gates are areas, crossed within an angle of their direction of passage; between them the line is free. Speed,
 acceleration, collective thrust, body rates, tilt, height and clearance are kept to. The line is a spline of degree 7
 whose knots and durations are the variables; the duration is minimised by an interior-point method (`race_solver`). It
-takes some milliseconds, and less for a plan that continues the one before.
+takes some milliseconds, and less for a plan that continues the one before. From rest, where that search fails, the line
+stops at the corners of a way that is clear (`race_halting`).
 """
 
 import math
@@ -27,6 +28,7 @@ from flightapp.planning.race_bounds import (
     leaving,
     limits_of,
 )
+from flightapp.planning.race_halting import halting
 from flightapp.planning.race_memory import Memory, continued
 from flightapp.planning.race_problem import (
     AREA,
@@ -39,8 +41,8 @@ from flightapp.planning.race_problem import (
     Problem,
     evaluate,
 )
-from flightapp.planning.race_samples import COEFFICIENTS, DURATION
-from flightapp.planning.race_search import FIRST, TOLERATED, WARM, Search, slow_down
+from flightapp.planning.race_samples import DURATION, polynomials
+from flightapp.planning.race_search import CORNER, FIRST, TOLERATED, WARM, Search, slow_down
 from flightapp.planning.race_smooth import smoothen
 from flightapp.planning.race_solver import Parameters
 from flightapp.planning.race_start import Layout, lay_out
@@ -120,38 +122,44 @@ class RacePlanner:
         targets = Targets(route.points, route.directions, radii)
         solids = Solids.of(request, self._margins)
         limits = limits_of(self._vehicle, request, targets)
+        rows = leaving(solids.rows, route.points)
         why, begun, search = "", math.inf, Search()
-        for layout, parameters in self._layouts(route, solids, request, ends):
+        for layout, parameters in self._layouts(route, solids, request, ends, search):
             first = beginning(layout.line, at_rest)
-            rows = leaving(solids.rows, route.points)
+            limits[:, FLOOR] = np.minimum(limits[:, FLOOR], layout.lowest)
             problem = as_problem(limits, first, targets, layout, rows, self._vehicle)
             begun = min(begun, float(layout.line[:-1, DURATION].sum()))
-            why, drawn = _found(layout, problem, limits, first, parameters, search)
+            why, drawn, work = _found(layout, problem, limits, first, parameters, search)
             if not (why or at_rest) and layout.line[:-1, DURATION].sum() > LATE * begun + GRACE:
                 why = ASTRAY
             if not why:
-                return self._complete(layout, route, request, drawn)
+                if parameters is None or len(route.points) != len(request.gates) + 2:
+                    self._memory = None
+                else:
+                    self._memory = Memory(request, layout, drawn, np.array((work.slack, work.dual)))
+                return self._complete(layout, route, request)
         raise PlanningError(why)
 
     def _layouts(
-        self, route: Route, solids: Solids, request: PlanRequest, ends: Vector
-    ) -> Iterator[tuple[Layout, Parameters]]:
-        """Lines to begin with, the most promising first."""
+        self, route: Route, solids: Solids, request: PlanRequest, ends: Vector, search: Search
+    ) -> Iterator[tuple[Layout, Parameters | None]]:
+        """Lines to begin with, the most promising first, and how to search; None for one that is to be flown as is."""
         if self._memory is not None and ends[0].any() and len(route.points) == len(request.gates) + 2:
             layout = continued(self._memory, request, route.points, route.directions, ends)
             if layout is not None:
                 yield layout, WARM
         way = detour(Places.of(route, request), solids)
-        directions = np.zeros_like(way.points)
+        search.effort -= CORNER * np.count_nonzero(way.inserted)
+        lowest, directions = float(way.points[:, 2].min()), np.zeros_like(way.points)
         directions[~way.inserted] = route.directions
         for slower in SLOWER:
             layout = lay_out(way.points, directions, ends, request.limits.v_max, slower)
-            yield replace(layout, anchors=layout.anchors[~way.inserted]), FIRST
+            yield replace(layout, anchors=layout.anchors[~way.inserted], lowest=lowest), FIRST
+        if not ends.any():
+            yield replace(halting(way, directions, self._vehicle, request.limits), lowest=lowest), None
 
-    def _complete(self, layout: Layout, route: Route, request: PlanRequest, drawn: Vector) -> Trajectory:
+    def _complete(self, layout: Layout, route: Route, request: PlanRequest) -> Trajectory:
         line, places = layout.line, layout.anchors[list(route.gate_places)]
-        if len(route.points) == len(request.gates) + 2:
-            self._memory = Memory(request, line, layout.anchors, drawn)
         times = np.concatenate(([0.0], np.cumsum(line[:-1, DURATION])))
         return self._heading.complete(times, polynomials(line), times[places].tolist(), request)
 
@@ -162,29 +170,36 @@ class RacePlanner:
 
 
 def _found(
-    layout: Layout, problem: Problem, limits: Vector, first: Vector, parameters: Parameters, search: Search
-) -> tuple[str, Vector]:
-    """Search from ``layout``, in place; why there is no plan, empty if there is one, and the shares of the limits."""
+    layout: Layout, problem: Problem, limits: Vector, first: Vector, parameters: Parameters | None, search: Search
+) -> tuple[str, Vector, Work]:
+    """Search from ``layout``, in place, if there are ``parameters``.
+
+    Returns why there is no plan, empty if there is one, the shares of the limits that it keeps to at samples, and what
+    the search has worked with.
+    """
     line, work = layout.line, room(len(layout.line) - 1)
+    if layout.duals is not None and parameters is not None:
+        work.slack[:], work.dual[:] = layout.duals
+        parameters = parameters._replace(barrier=-1.0)
     at_rest = not (line[0, 3:DURATION].any() or line[-1, 3:DURATION].any())
     base = np.where(first[:, None] != 0.0, limits[1], limits[0])
     drawn = np.where(first[:, None] != 0.0, base, base * layout.drawn)
-    if layout.rough.any():
-        held = problem.fixed.copy()
-        held[:, 0:3] = held[:, DURATION] = 1.0
-        held[layout.rough == 0.0] = 1.0
-        if not smoothen(line, held):
-            return UNEVEN, drawn
+    if layout.smooth < len(line) - 2:
+        if not smoothen(line, layout.smooth):
+            return UNEVEN, drawn, work
         if at_rest:
             slow_down(line, problem, work)
-    worst = search.run(line, problem, drawn, np.where(first[:, None] != 0.0, limits[2], 0.0), parameters, work)
+    least = np.where(first[:, None] != 0.0, limits[2], 0.0)
+    worst = np.full((1, KINDS), math.inf)
+    if parameters is not None:
+        worst = search.run(line, problem, base, drawn, least, parameters, work)
     if at_rest and worst[:, :TILT].max() > TOLERATED:
         worst = slow_down(line, problem, work)
     if not (np.isfinite(line).all() and np.isfinite(worst).all()):
-        return UNEVEN, drawn
+        return UNEVEN, drawn, work
     shares = np.ones_like(drawn)
     np.divide(drawn, base, out=shares, where=np.isfinite(base) & (base != 0.0))
-    return _beyond_limits(worst.max(axis=0), limits[0]) or _out_of_place(line, problem, layout, work), shares
+    return _beyond_limits(worst.max(axis=0), limits[0]) or _out_of_place(line, problem, layout, work), shares, work
 
 
 def _beyond_limits(worst: Vector, limits: Vector) -> str:
@@ -207,22 +222,15 @@ def _beyond_limits(worst: Vector, limits: Vector) -> str:
 def _out_of_place(line: Vector, problem: Problem, layout: Layout, work: Work) -> str:
     """Which gate is not crossed as it should be."""
     evaluate(line, problem, work.ends, work.samples, work.c)
-    for place, knot in enumerate(layout.anchors[1:-1], 1):
-        if problem.active[KINDS + 1] and work.c[knot, AREA] > OUTSIDE:
-            return f"no race line was found that goes through point {place} of the route within its area"
-        speed = math.hypot(*line[knot, 3:6])
-        if problem.active[KINDS + 2] and work.c[knot, CROSSING] > ASKEW * speed:
-            return (
-                f"no race line was found that crosses point {place} of the route within planning.crossing_deg of its"
-                " direction: lead up to it with waypoints, or move its neighbours"
-            )
+    inner = layout.anchors[1:-1]
+    outside = np.flatnonzero(work.c[inner, AREA] > OUTSIDE)
+    if problem.active[KINDS + 1] and outside.size:
+        return f"no race line was found that goes through point {outside[0] + 1} of the route within its area"
+    speeds = np.sqrt((line[inner, 3:6] ** 2).sum(axis=1))
+    askew = np.flatnonzero(work.c[inner, CROSSING] > ASKEW * speeds)
+    if problem.active[KINDS + 2] and askew.size:
+        return (
+            f"no race line was found that crosses point {askew[0] + 1} of the route within planning.crossing_deg of its"
+            " direction: lead up to it with waypoints, or move its neighbours"
+        )
     return ""
-
-
-def polynomials(line: Vector) -> Vector:
-    """(n, 3, 8) coefficients of the segments of ``line`` (n + 1, 13), in ascending powers of time."""
-    powers = line[:-1, DURATION, None] ** np.arange(ORDER)
-    knots = line[:, :DURATION].reshape(-1, 4, 3)
-    ends = np.concatenate((knots[:-1] * powers[:, :4, None], knots[1:] * powers[:, :4, None]), axis=1)
-    out = np.einsum("me,nea->nam", COEFFICIENTS, ends) / powers[:, None, :]
-    return np.ascontiguousarray(out)

@@ -10,7 +10,7 @@ from flightapp.frames import GRAVITY, Vector
 from flightapp.interfaces import PlanRequest
 from flightapp.messages import GateEstimate
 from flightapp.planning.course import horizontal_sigma
-from flightapp.planning.obstacles import BALL, CENTRE, MARGIN, Margins, distance
+from flightapp.planning.obstacles import BALL, CENTRE, MARGIN, distance
 from flightapp.planning.race_problem import (
     ACCELERATION,
     ALONG,
@@ -100,8 +100,7 @@ def gate_radius(gate: GateEstimate, shape: GateShape | None, config: Config) -> 
     if shape is None:
         return 0.0
     unsure = config.planning.pace_sigmas * max(horizontal_sigma(gate), math.sqrt(max(gate.covariance[2, 2], 0.0)))
-    margins = Margins.of(config)
-    room = 0.5 * shape.opening - margins.radius - margins.frame - unsure
+    room = 0.5 * shape.opening - config.vehicle.radius - config.planning.frame_clearance - unsure
     return max(0.0, min(config.planning.gate_margin, room))
 
 

@@ -42,22 +42,28 @@ def _count(problem: Problem, counted: Vector) -> None:
 def begin(problem: Problem, mu: float, least: float, work: Work) -> tuple[float, float]:
     """Slacks and multipliers to start with; the number of inequalities and the barrier.
 
-    Inequalities that are not wanted have the slack 1 and the multiplier 0, and keep them.
+    Inequalities that are not wanted have the slack 1 and the multiplier 0, and keep them. With a negative ``mu`` slacks
+    that are positive stay, with their multipliers, and the barrier is their mean product.
     """
     n = work.slack.shape[0] - 1
-    count, total = 0.0, 0.0
+    count, known, total, anew = 0.0, 0.0, 0.0, mu > 0.0
     _count(problem, work.counted)
     for i in range(n + 1):
         slack, dual, c, wanted = work.slack[i], work.dual[i], work.c[i], work.counted[i // n]
         for k in range(PLACES):
             count += wanted[k]
-            if mu > 0.0:
-                slack[k] = max(-c[k], least) if wanted[k] != 0.0 else 1.0
-                dual[k] = mu * wanted[k] / slack[k]
-            else:
+            if not anew and slack[k] > 0.0:
                 slack[k] = max(-c[k], slack[k])
                 total += slack[k] * dual[k]
-    return count, mu if mu > 0.0 else total / count
+                known += wanted[k]
+    barrier = mu if anew else total / known
+    for i in range(n + 1):
+        slack, dual, c, wanted = work.slack[i], work.dual[i], work.c[i], work.counted[i // n]
+        for k in range(PLACES):
+            if anew or slack[k] == 0.0:
+                slack[k] = max(-c[k], least) if wanted[k] != 0.0 else 1.0
+                dual[k] = barrier * wanted[k] / slack[k]
+    return count, barrier
 
 
 @fused

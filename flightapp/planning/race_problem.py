@@ -40,6 +40,8 @@ ALONG = 0.93
 """Share of the squared jerk along the specific force, which turns nothing: the rest bounds how fast thrust changes."""
 REACH = 1.0
 """m beyond the clearance at which obstacles begin to count."""
+CLOSE = 0.1
+"""m between the points at which clearance is looked at once a line is found, where a third of them are enough."""
 G2 = GRAVITY * GRAVITY
 SLOW = 0.05
 """m/s, added to speeds so that the angle of a crossing has a derivative at rest."""
@@ -228,21 +230,49 @@ def _raise_worst(turn: int, q: Vector) -> None:
 
 
 @fused
+def _ratio(kind: int, value: float) -> float:
+    """The inequality ``kind`` as a ratio to its limit where it is one."""
+    return math.sqrt(max(value, -1.0) + 1.0) if kind < TILT else max(value, -REACH)
+
+
+@fused
 def _worst_of(kind: int, q: Vector) -> float:
     """The greatest of the inequality ``kind``; as a ratio to its limit where it is one."""
-    worst = -1.0 if kind < TILT else -REACH
+    worst = -1.0
     for k in range(kind * SAMPLES, (kind + 1) * SAMPLES):
         worst = max(worst, q[AT_WORST + k])
-    return math.sqrt(worst + 1.0) if kind < TILT else worst
+    return _ratio(kind, worst)
+
+
+@fused
+def _at_samples_alone(i: int, q: Vector, worst: Vector, sampled: Vector) -> None:
+    """Fill ``sampled[i]``; where the first sample is the greatest of the segment before, what it exceeds counts too."""
+    for kind in range(KINDS):
+        sampled[i, kind] = _worst_of(kind, q)
+        worst[i, kind] = _ratio(kind, -1.0)
+        first = _ratio(kind, q[AT_WORST + kind * SAMPLES])
+        if i > 0 and first > sampled[i - 1, kind]:
+            sampled[i - 1, kind] = first
+            worst[i, kind] = worst[i - 1, kind]
+
+
+@fused
+def _leap(ends: Vector) -> float:
+    """m between the ends of a segment."""
+    total = 0.0
+    for axis in range(3):
+        total += (ends[4, axis] - ends[0, axis]) ** 2
+    return math.sqrt(total)
 
 
 @fused_kernel
-def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst: Vector) -> None:
+def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst: Vector, sampled: Vector) -> None:
     """Fill ``worst`` (n, KINDS) with how far each segment of ``line`` exceeds ``problem``, densely sampled.
 
     The first five are ratios to the limits, 1 where they are kept to exactly; the others are those of `at_samples`.
-    What concerns the specific force counts without drag and with it, the worse of the two (M. Faessler, A. Franchi and
-    D. Scaramuzza, 2018, for drag that is the same in all directions).
+    ``sampled`` (n, KINDS) is the same at the samples alone, the next segment's first included. What concerns the
+    specific force counts without drag and with it, the worse of the two (M. Faessler, A. Franchi and D. Scaramuzza,
+    2018, for drag that is the same in all directions).
     """
     value = samples[AT_VALUE : AT_VALUE + KINDS * SAMPLES]
     for i in range(line.shape[0] - 1):
@@ -250,15 +280,18 @@ def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst
         for k in range(KINDS * SAMPLES):
             samples[AT_WORST + k] = -1.0
         scaled_ends(i, line, duration, ends)
+        stride = 1 if _leap(ends) > CLOSE * 2 * SAMPLES else FINE // 2
         for part in range(FINE):
             sample(DENSE[part], duration, ends, samples)
-            if problem.active[CLEARANCE] != 0.0:
-                too_near(samples, problem.rows, ends)
+            if problem.active[CLEARANCE] != 0.0 and part % stride == 0:
+                too_near(samples, problem.rows, ends)  # else what it found before counts once more: that will do
             for turn in range(2 if problem.drag != 0.0 else 1):
                 add_drag(problem.drag if turn == 1 else 0.0, samples)
                 at_samples(samples, problem.limits[i], value)
                 _raise_worst(turn, samples)
+            if part == 0:
+                _at_samples_alone(i, samples, worst, sampled)
         for kind in range(KINDS):
-            worst[i, kind] = 0.0 if kind < TILT else -REACH
-            if problem.active[kind] != 0.0:
-                worst[i, kind] = _worst_of(kind, samples)
+            worst[i, kind] = max(worst[i, kind], _worst_of(kind, samples))
+            if problem.active[kind] == 0.0:
+                worst[i, kind] = _ratio(kind, -1.0)

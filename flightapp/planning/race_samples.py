@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from flightapp.frames import Vector
-from flightapp.jit import fused
+from flightapp.jit import fused, kernel
 from flightapp.trajectory import ORDER
 
 SAMPLES = 12
@@ -56,19 +56,9 @@ BY_SAMPLE: Vector = _sampled(np.arange(SAMPLES) / SAMPLES)
 BY_ENTRY: Vector = np.ascontiguousarray(BY_SAMPLE.transpose(1, 2, 0))
 """(4, 8, SAMPLES) the same."""
 DENSE: Vector = np.array(
-    [np.transpose(_sampled(u), (1, 2, 0)) for u in np.linspace(0.0, 1.0, FINE * SAMPLES).reshape(FINE, SAMPLES)]
+    [np.transpose(_sampled((np.arange(SAMPLES) + part / FINE) / SAMPLES), (1, 2, 0)) for part in range(FINE)]
 )
-"""(FINE, 4, 8, SAMPLES), both ends included."""
-
-
-def knot_at(line: Vector, i: int, share: float) -> Vector:
-    """(12,) the motion of ``line`` (n + 1, 13) at a ``share`` of the duration of segment ``i``."""
-    duration = line[i, DURATION]
-    powers = duration ** np.arange(4)
-    ends = np.concatenate((line[i, :DURATION].reshape(4, 3), line[i + 1, :DURATION].reshape(4, 3)))
-    coefficients = COEFFICIENTS @ (np.concatenate((powers, powers))[:, None] * ends)
-    flat: Vector = ((FALLING * share**EXPONENTS) @ coefficients / powers[:, None]).ravel()
-    return flat
+"""(FINE, 4, 8, SAMPLES): the samples themselves, and further and further behind each of them."""
 
 
 @fused
@@ -80,6 +70,46 @@ def scaled_ends(i: int, line: Vector, duration: float, y: Vector) -> None:
             y[d, axis] = power * line[i, 3 * d + axis]
             y[4 + d, axis] = power * line[i + 1, 3 * d + axis]
         power *= duration
+
+
+@kernel
+def polynomials(line: Vector) -> Vector:
+    """(n, 3, 8) coefficients of the segments of ``line`` (n + 1, 13), in ascending powers of time."""
+    n, y = line.shape[0] - 1, np.empty((ENTRIES, 3))
+    out = np.empty((n, 3, ORDER))
+    for i in range(n):
+        scaled_ends(i, line, line[i, DURATION], y)
+        for axis in range(3):
+            power = 1.0
+            for m in range(ORDER):
+                total = 0.0
+                for e in range(ENTRIES):
+                    total += COEFFICIENTS[m, e] * y[e, axis]
+                out[i, axis, m] = total * power
+                power /= line[i, DURATION]
+    return out
+
+
+@kernel
+def motion_at(line: Vector, times: Vector, t: float) -> Vector:
+    """(12,) the motion at ``t`` s on ``line`` (n + 1, 13), whose knots are passed at ``times`` (n + 1,)."""
+    i, y, out = 0, np.empty((ENTRIES, 3)), np.empty(DURATION)
+    while i < times.size - 2 and times[i + 1] <= t:
+        i += 1
+    duration = times[i + 1] - times[i]
+    u, scale = (t - times[i]) / duration, 1.0
+    scaled_ends(i, line, duration, y)
+    for d in range(4):
+        for axis in range(3):
+            total = 0.0
+            for m in range(ORDER - 1, d - 1, -1):
+                c = 0.0
+                for e in range(ENTRIES):
+                    c += COEFFICIENTS[m, e] * y[e, axis]
+                total = total * u + FALLING[d, m] * c
+            out[3 * d + axis] = scale * total
+        scale /= duration
+    return out
 
 
 @fused

@@ -23,9 +23,11 @@ NEAR = 2e-3
 """m, or of a cosine, that may be missing to clearance, floor and tilt."""
 FIRST = Parameters(0.02, 12, 40, 0, 0.02, 2e-2, 1e-2, 1.5, 0.2, 0.1, 2.0)
 """For a line from nothing."""
-WARM = FIRST._replace(barrier=2e-4, enough=3, steps=25, settled=0.5, shrink=0.5, damping=2.0, weight=5.0)
-"""For a line that was found for nearly the same."""
-AGAIN = FIRST._replace(barrier=-1.0, enough=2, steps=10)
+WARM = FIRST._replace(
+    barrier=2e-4, enough=1, steps=25, gap=0.04, excess=2e-3, settled=0.5, shrink=0.5, damping=20.0, weight=5.0
+)
+"""For a line that was found for nearly the same: it is kept to closely, and rather moved than made faster."""
+AGAIN = FIRST._replace(barrier=-1.0, enough=1, steps=10, excess=2e-3, damping=20.0)
 """For a line that was found just now, with limits drawn in."""
 ROUNDS = 9
 """Times that limits are drawn in."""
@@ -41,17 +43,19 @@ STRETCHES, HASTE = 16, 0.4
 """Times that a line is flown slower, and the growth of the exponent by which it is."""
 FEW = 3
 """Times that are enough where flying slower helps at once: it does not where the thrust nearly vanishes."""
-EFFORT = 9_000
+EFFORT = 9_500
 """Times segments, effort that the search for one plan may take, as `race_solver` counts it."""
+CROWDED, LOOK, CORNER = 1.5, 3, 40
+"""Times that effort among obstacles; effort per segment of a dense measurement; that to find a point of a detour."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
 
 
 def slow_down(line: Vector, problem: Problem, work: Work, times: int = STRETCHES) -> Vector:
     """Fly ``line``, which starts and ends at rest, as slowly as its limits want; (n, KINDS) as `measure` has it."""
-    worst = np.empty((len(line) - 1, KINDS))
+    worst, sampled = np.empty((2, len(line) - 1, KINDS))
     for attempt in range(times + 1):
-        measure(line, problem, work.ends, work.samples, worst)
+        measure(line, problem, work.ends, work.samples, worst, sampled)
         if attempt == times or not worst[:, :TILT].max() > TOLERATED:
             break
         stretch(line, slowdown(worst) ** (1.0 + HASTE * attempt))
@@ -62,17 +66,21 @@ class Search:
     """The search for one line, with as much effort as may be made."""
 
     def __init__(self, effort: int = EFFORT) -> None:
-        self.effort = effort
+        self.effort = float(effort)
         """Times segments, effort that is left."""
 
     def improve(self, line: Vector, problem: Problem, parameters: Parameters, work: Work) -> bool:
         """`race_solver.improve` with what is left; False if nothing is, or the arithmetic failed."""
-        segments = len(line) - 1
-        if self.effort < segments:
+        if self.effort < len(line) - 1:
             return False
-        taken = improve(line, problem, parameters._replace(effort=self.effort // segments), work)
-        self.effort -= abs(taken) * segments
+        cost = self._cost(line, problem)
+        taken = improve(line, problem, parameters._replace(effort=int(self.effort / cost)), work)
+        self.effort -= abs(taken) * cost
         return taken > 0
+
+    def _cost(self, line: Vector, problem: Problem) -> float:
+        """Of a unit of effort per segment."""
+        return (CROWDED if len(problem.rows) else 1.0) * (len(line) - 1)
 
     def _in_place(self, problem: Problem, work: Work) -> bool:
         """Whether gates are crossed as they should be, or nearly so."""
@@ -80,20 +88,29 @@ class Search:
         return not crossed or bool(max(crossed) <= NEAR)
 
     def run(
-        self, line: Vector, problem: Problem, limits: Vector, least: Vector, first: Parameters, work: Work
+        self,
+        line: Vector,
+        problem: Problem,
+        whole: Vector,
+        limits: Vector,
+        least: Vector,
+        first: Parameters,
+        work: Work,
     ) -> Vector:
         """Make ``line`` (n + 1, 13) as fast as it may be; (n, KINDS) how close it is to its limits, as of `measure`.
 
-        ``limits`` (n, KINDS) are those of each segment as of `limits_of`, drawn in on return, but not beyond ``least``
-        (n, KINDS), which is 0 where there is no such bound. ``problem`` has the limits that are kept to in the end.
+        ``whole`` (n, KINDS) are the limits of each segment as of `limits_of`, which ``problem`` has as well, and
+        ``limits`` those to begin with; they are drawn in on return, but not beyond ``least`` (n, KINDS), which is 0
+        where there is no such bound.
         What a line from rest to rest exceeds them by is left to flying it slower, if that costs little.
         """
-        worst = np.empty((len(line) - 1, KINDS))
+        worst, sampled = np.empty((2, len(line) - 1, KINDS))
         calm, held = problem.smooth, np.asarray(least.any(axis=1))
         at_rest = not (line[0, 3:DURATION].any() or line[-1, 3:DURATION].any())
         going = self.improve(line, problem._replace(limits=coefficients(limits)), first, work)
         for count in range(ROUNDS + 1):
-            measure(line, problem, work.ends, work.samples, worst)
+            measure(line, problem, work.ends, work.samples, worst, sampled)
+            self.effort -= LOOK * self._cost(line, problem)
             ratio = worst[:, :TILT].max()
             clear = worst[:, TILT:].max() <= NEAR and self._in_place(problem, work)
             if not going or (clear and ratio <= TOLERATED):
@@ -106,20 +123,32 @@ class Search:
                     return eased
             if count == ROUNDS or (count >= PATIENCE and not ratio < HOPELESS and held.any()):
                 break
-            _draw_in(limits, worst, least, held)
+            _draw_in(limits, whole, worst, sampled, least, held)
             calm *= CALMER
             going = self.improve(line, problem._replace(limits=coefficients(limits), smooth=calm), AGAIN, work)
         return worst
 
 
-def _draw_in(limits: Vector, worst: Vector, least: Vector, held: NDArray[np.bool_]) -> None:
-    """Draw in ``limits`` (n, KINDS) that are exceeded, those of segments ``held`` (n,) no farther than ``least``."""
-    excess = np.where(worst > 1.0, np.minimum(worst + LEAST, MOST), 1.0)
-    limits[:, :LEAST_FORCE] = np.maximum(limits / excess, least)[:, :LEAST_FORCE]
-    limits[:, LEAST_FORCE] *= excess[:, LEAST_FORCE]
+def _draw_in(
+    limits: Vector, whole: Vector, worst: Vector, sampled: Vector, least: Vector, held: NDArray[np.bool_]
+) -> None:
+    """Draw in ``limits`` (n, KINDS) that are exceeded, those of segments ``held`` (n,) no farther than ``least``.
+
+    What is ``sampled`` of the ``whole`` limit has to become less in the ratio by which the ``worst`` is to.
+    """
+    over = worst[:, :LEAST_FORCE] > 1.0
+    now, s, w = limits[:, :LEAST_FORCE][over], sampled[:, :LEAST_FORCE][over], worst[:, :LEAST_FORCE][over]
+    aim = np.minimum(now, whole[:, :LEAST_FORCE][over] * s) / (w + LEAST)
+    limits[:, :LEAST_FORCE][over] = np.maximum(np.maximum(aim, now / MOST), least[:, :LEAST_FORCE][over])
+    over = worst[:, LEAST_FORCE] > 1.0
+    now, s, w = limits[over, LEAST_FORCE], sampled[over, LEAST_FORCE], worst[over, LEAST_FORCE]
+    aim = np.maximum(now, whole[over, LEAST_FORCE] / s) * (w + LEAST)
+    limits[over, LEAST_FORCE] = np.minimum(aim, now * MOST)
     limits[held, LEAST_FORCE] = np.minimum(limits, least)[held, LEAST_FORCE]
-    more = np.where(worst[:, TILT:] > 0.0, np.minimum(worst[:, TILT:] + LEAST, FARTHEST), 0.0)
-    limits[:, TILT:] += np.where(held[:, None], 0.0, more)
+    over = (worst[:, TILT:] > 0.0) & ~held[:, None]
+    now, s, w = limits[:, TILT:][over], sampled[:, TILT:][over], worst[:, TILT:][over]
+    aim = np.maximum(now, whole[:, TILT:][over] - s) + w + LEAST
+    limits[:, TILT:][over] = np.minimum(aim, now + FARTHEST)
 
 
 def slowdown(worst: Vector) -> float:

@@ -34,10 +34,14 @@ class Layout:
     """(n + 1, 13) knots and durations."""
     anchors: NDArray[np.intp]
     """(m + 1,) the knot at each of the route's points."""
-    rough: Vector
-    """(n + 1,) 1 where velocity, acceleration and jerk are still to be found, else 0."""
+    smooth: int
+    """The knot after which velocity, acceleration and jerk are still to be found, the last knot's excepted."""
     drawn: Vector
     """(n, KINDS) shares of the limits to begin with."""
+    duals: Vector | None = None
+    """(2, n + 1, PLACES) slacks and multipliers to begin with, 0 where they are not known; None if none is."""
+    lowest: float = math.inf
+    """m, height of the lowest point of the way that the line was laid along, if it is known."""
 
 
 def joined(first: Layout, second: Layout) -> Layout:
@@ -45,8 +49,11 @@ def joined(first: Layout, second: Layout) -> Layout:
     last = len(first.line) - 1
     line = np.vstack((first.line[:-1], second.line))
     anchors = np.concatenate((first.anchors, second.anchors[1:] + last))
-    rough = np.concatenate((first.rough, second.rough[1:]))
-    return Layout(line, anchors, rough, np.vstack((first.drawn, second.drawn)))
+    duals = None
+    if first.duals is not None:
+        duals = np.concatenate((first.duals[:, :-1], np.zeros((2, len(second.line), first.duals.shape[2]))), axis=1)
+    drawn, lowest = np.vstack((first.drawn, second.drawn)), min(first.lowest, second.lowest)
+    return Layout(line, anchors, min(first.smooth, last + second.smooth), drawn, duals, lowest)
 
 
 def lay_out(points: Vector, directions: Vector, ends: Vector, v_max: float, slower: float) -> Layout:
@@ -79,7 +86,7 @@ def lay_out(points: Vector, directions: Vector, ends: Vector, v_max: float, slow
     line[:-1, DURATION] = times[leg] / counts[leg]
     line[-1, DURATION] = 1.0
     line[0, 3:12], line[-1, 3:12] = ends[0].ravel(), ends[1].ravel()
-    return Layout(line, anchors, np.ones(len(line)), np.ones((len(line) - 1, KINDS)))
+    return Layout(line, anchors, 0, np.ones((len(line) - 1, KINDS)))
 
 
 def _counts(lengths: Vector, moving: Vector) -> NDArray[np.intp]:

@@ -1,5 +1,7 @@
 """Room for the numbers of the search for a race line."""
 
+import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +67,7 @@ class Work(NamedTuple):
 
 def room(n: int) -> Work:
     """For a line of ``n`` segments."""
-    sizes = (
+    sizes: tuple[tuple[int, ...], ...] = (
         (
             (11, 3),
             (LENGTH,),
@@ -80,6 +82,11 @@ def room(n: int) -> Work:
         + ((n + 1, KNOT),) * 3
     )
     inactive = (-1.0, -1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-    arrays = [np.zeros(size) for size in sizes] + [np.full((n + 1, PLACES), value) for value in inactive]
-    arrays.append(np.zeros((2, PLACES)))
+    sizes += ((n + 1, PLACES),) * len(inactive) + ((2, PLACES),)
+    counts = [math.prod(size) for size in sizes]
+    ends = list(itertools.accumulate(counts))
+    whole = np.zeros(ends[-1])
+    arrays = [whole[end - count : end].reshape(size) for size, count, end in zip(sizes, counts, ends, strict=True)]
+    for array, value in zip(arrays[-1 - len(inactive) :], inactive, strict=False):
+        array[:] = value
     return Work._make(arrays)

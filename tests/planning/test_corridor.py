@@ -125,6 +125,13 @@ def test_the_room_can_be_given():
         detour(course, solids(low), bounds)
 
 
+def test_an_end_may_be_as_close_to_something_as_the_start():
+    beside = solids(PILLAR)
+    assert not detour(places((5.0, 0.7, 1.5), (5.0, 0.8, 1.5)), beside).inserted.any()
+    with pytest.raises(PlanningError, match=r"^the end is 0\.20 m from 'pillar', 0\.30 m"):
+        detour(places((5.0, 0.7, 1.5), (5.0, 0.6, 1.5)), beside)
+
+
 def test_places_inside_something_are_named():
     gates = np.array((ANY, AHEAD, ANY))
     with pytest.raises(PlanningError, match=r"^the centre of gate 1 is inside 'pillar'; move one of them$"):

@@ -278,3 +278,11 @@ def test_only_with_time_left_is_a_plan_flown_in_a_simulation_before(flying):
     assert navigator.has_time
     navigator.took(0.999)
     assert not navigator.has_time
+
+
+def test_frames_of_gates_that_were_passed_are_kept_clear_of_but_not_those_hardly_known(flying):
+    navigator, goal, _, line, _ = flying
+    moved = gate_map(gate(1, 8.0), gate(2, 16.3), gate(3, 20.0, 4.0, sigma=3.0))
+    request = navigator.request(2.5, goal, moved, line)
+    assert [g.gate_id for g in request.gates] == [2]
+    assert [g.gate_id for g in request.frames] == [1, 2]

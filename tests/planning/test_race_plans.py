@@ -20,6 +20,9 @@ from planning_tracks import (
 
 from flightapp.config import Config, Planning, Vehicle
 from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
+from flightapp.planning import race
+from flightapp.planning.clearance import touched
+from flightapp.planning.obstacles import Margins
 from flightapp.planning.race import RacePlanner
 from flightapp.track import Cylinder, GateShape
 
@@ -159,6 +162,31 @@ def test_a_pillar_in_the_way_is_flown_around():
     planning, radius = Config().planning, Config().vehicle.radius
     assert np.hypot(line[:, 0] - 5.0, line[:, 1] - 0.1).min() >= 0.3 + planning.clearance + radius - 0.01
     assert straight.duration < around.duration <= straight.duration + 1.0
+
+
+def test_the_frame_of_a_gate_that_is_not_flown_through_is_kept_clear_of():
+    behind, side = replace(gate(7, 5, 1.0, 1.5, 0.0), covariance=SURE), GateShape()
+    gates = (replace(gate(1, 10, 0, 1.5, 0.0), covariance=SURE),)
+    limits, margins = Limits(4.0, 8.0, 3.0), Margins.of(Config())
+    request = PlanRequest(0.0, at_rest((0, 0, 1.5)), gates, np.array([13.0, 0.0, 1.5]), limits, shape=side)
+    without, around = FREE.plan(request), FREE.plan(replace(request, frames=(behind,)))
+    assert touched(without, (behind,), side, (), margins) is not None
+    assert touched(around, (behind,), side, (), margins) is None
+    assert around.duration <= without.duration + 1.0
+    keeps(around, request, Config())
+
+
+def test_where_the_search_fails_the_line_stops_at_corners_and_keeps_all_limits(monkeypatch):
+    request = with_shape(request_for(FIVE_GATES, v_max=6.0))
+    whole = FREE.plan(request)
+    monkeypatch.setattr(race, "SLOWER", ())
+    halting = FREE.plan(request)
+    keeps(halting, request, Config())
+    assert touched(halting, request.gates, request.shape, (), Margins.of(Config())) is None
+    assert crossing_angles(halting, request).max() <= 0.1
+    for g, passed in zip(request.gates, halting.gate_times, strict=True):
+        np.testing.assert_allclose(halting.sample(passed).position, g.position, atol=1e-6)
+    assert whole.duration < halting.duration < 4.0 * whole.duration
 
 
 def test_drag_counts_as_thrust():

@@ -143,10 +143,22 @@ def test_a_bent_line_moves_its_anchors_and_keeps_the_motion_at_its_ends():
     rng = np.random.default_rng(4)
     line = random_line(rng)
     bent, moves = line.copy(), np.array([[0.0, 0.0, 0.0], [0.1, -0.2, 0.3], [0.0, 0.5, 0.0]])
-    assert bend(bent, np.array([0, 2, 4]), moves)
+    bend(bent, np.array([0, 2, 4]), moves, np.zeros((3, 3)))
     np.testing.assert_allclose(bent[[0, 2, 4], :3] - line[[0, 2, 4], :3], moves, atol=1e-12)
-    np.testing.assert_allclose(bent[[0, 4], 3:], line[[0, 4], 3:], atol=1e-12)
-    assert np.abs(bent[2, 3:12] - line[2, 3:12]).max() > 1e-3
+    np.testing.assert_allclose(bent[[0, 2, 4], 3:], line[[0, 2, 4], 3:], atol=1e-12)
+    change = bent[[1, 3], :3] - line[[1, 3], :3]
+    assert (np.abs(change) <= np.abs(moves).max(axis=0) + 1e-12).all()
+    assert np.abs(bent[[1, 3], 3:6] - line[[1, 3], 3:6]).max() > 1e-3
+
+
+def test_a_bent_line_begins_with_another_motion():
+    rng = np.random.default_rng(6)
+    line, begun = random_line(rng), rng.normal(size=(3, 3))
+    bent = line.copy()
+    bend(bent, np.array([0, 4]), np.zeros((2, 3)), begun)
+    np.testing.assert_allclose(bent[0, 3:12] - line[0, 3:12], begun.ravel(), atol=1e-9)
+    np.testing.assert_allclose(bent[[0, 4], :3], line[[0, 4], :3], atol=1e-12)
+    np.testing.assert_allclose(bent[4], line[4], atol=1e-9)
 
 
 @pytest.mark.parametrize("speed", [1.0, 2.0])
@@ -156,8 +168,8 @@ def test_a_straight_line_is_measured_exactly(speed):
     line = np.zeros((SEGMENTS + 1, KNOT))
     line[:, 3], line[:, DURATION] = speed, 0.5
     line[:, 0], line[:, 2] = 0.5 * speed * np.arange(SEGMENTS + 1), 1.0
-    work, worst = room(SEGMENTS), np.empty((SEGMENTS, KINDS))
-    measure(line, problem, work.ends, work.samples, worst)
+    work, (worst, sampled) = room(SEGMENTS), np.empty((2, SEGMENTS, KINDS))
+    measure(line, problem, work.ends, work.samples, worst, sampled)
     np.testing.assert_allclose(worst[:, 0], speed / 3.0, rtol=1e-9)
     np.testing.assert_allclose(worst[:, 2], math.hypot(9.80665, 0.5 * speed) / 27.0, rtol=1e-4)
     np.testing.assert_allclose(worst[:, 6], 0.2 - 1.0, rtol=1e-9)

@@ -1,0 +1,72 @@
+"""Lines that stop at every corner of a way: slow, but they keep to whatever its straight legs keep to.
+
+They are flown where the search for a race line fails, from rest to rest.
+"""
+
+import math
+
+import numpy as np
+
+from flightapp.frames import GRAVITY, Vector
+from flightapp.interfaces import Limits
+from flightapp.planning.corridor import Way
+from flightapp.planning.race_bounds import RESERVE, Vehicle
+from flightapp.planning.race_problem import KINDS
+from flightapp.planning.race_samples import DURATION, KNOT, motion_at
+from flightapp.planning.race_start import Layout
+
+RUN, SHARE = 0.3, 0.4
+"""m straight before and behind a gate, but no more than this share of the way from or to its neighbours."""
+SPEED, ACCELERATION, JERK = 35.0 / 16.0, 7.5132, 52.5
+"""Peaks of a leg of degree 7 from rest to rest, of 1 m in 1 s."""
+LEAST = 1e-3
+"""m, a shorter leg is none."""
+
+
+def halting(way: Way, directions: Vector, vehicle: Vehicle, limits: Limits) -> Layout:
+    """A line along ``way``, of n points with ``directions`` (n, 3) of passage, zero for any, at rest at its ends.
+
+    Points with a direction are passed on a straight leg along it; the line rests at all others, and at its corners.
+    """
+    knots, times, anchors = [_resting(way.points[0])], [0.0], [0]
+    v_max, agility = limits.v_max, min(limits.a_max, _agility(vehicle))
+    for k in range(1, len(way.points)):
+        point, run = way.points[k], 0.0
+        if k < len(way.points) - 1 and directions[k].any():
+            run = min(RUN, SHARE * math.dist(way.points[k - 1], point), SHARE * math.dist(point, way.points[k + 1]))
+        _go(knots, times, point - run * directions[k], v_max, agility, vehicle.rate)
+        if run > LEAST:
+            _go(knots, times, point + run * directions[k], v_max, agility, vehicle.rate)
+            leg = np.column_stack((np.array(knots[-2:]), np.full(2, times[-1])))
+            knots.insert(-1, motion_at(leg, np.array([0.0, times[-1]]), 0.5 * times[-1]))
+            times[-1:] = [0.5 * times[-1]] * 2
+        if not way.inserted[k]:
+            anchors.append(len(knots) - (2 if run > LEAST else 1))
+    line = np.ones((len(knots), KNOT))
+    line[:, :DURATION] = knots
+    line[:-1, DURATION] = times[1:]
+    return Layout(line, np.array(anchors), len(knots), np.ones((len(knots) - 1, KINDS)))
+
+
+def _agility(vehicle: Vehicle) -> float:
+    """m/s², an acceleration in any direction that thrust and tilt allow."""
+    up = min(vehicle.force - GRAVITY, GRAVITY - vehicle.least_force)
+    tilt = math.acos(min(max(vehicle.tilt, 0.0), 1.0))
+    return max(RESERVE * min(up, GRAVITY * math.sin(tilt)), 1e-3)
+
+
+def _resting(point: Vector) -> Vector:
+    return np.concatenate((point, np.zeros(DURATION - 3)))
+
+
+def _go(knots: list[Vector], times: list[float], point: Vector, v_max: float, agility: float, rate: float) -> None:
+    """Add a leg to ``point`` from where ``knots`` end, unless it is there."""
+    length = math.dist(knots[-1][:3], point)
+    if length < LEAST:
+        return
+    turning = 0.5 * rate * GRAVITY
+    knots.append(_resting(point))
+    times.append(
+        max(SPEED * length / v_max, math.sqrt(ACCELERATION * length / agility), math.cbrt(JERK * length / turning))
+        / RESERVE
+    )
