@@ -280,7 +280,7 @@ def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst
         for k in range(KINDS * SAMPLES):
             samples[AT_WORST + k] = -1.0
         scaled_ends(i, line, duration, ends)
-        stride = 1 if _leap(ends) > CLOSE * 2 * SAMPLES else FINE // 2
+        stride = 1 if _leap(ends) > CLOSE * 3 * SAMPLES else FINE // 3
         for part in range(FINE):
             sample(DENSE[part], duration, ends, samples)
             if problem.active[CLEARANCE] != 0.0 and part % stride == 0:

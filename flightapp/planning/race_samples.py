@@ -30,7 +30,7 @@ All rows lie behind one another in one flat array, their places fixed: compilers
 """
 AT_P, AT_V, AT_F, AT_J, AT_A = (3 * SAMPLES * d for d in range(5))
 """Where the rows of position, velocity, force, its derivative and acceleration begin."""
-FINE = 6
+FINE = 9
 """Times as many samples are looked at once a line is found."""
 
 

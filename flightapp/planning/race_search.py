@@ -21,13 +21,13 @@ TOLERATED = 1.0008
 """Ratio to a limit, densely sampled, that counts as keeping to it."""
 NEAR = 2e-3
 """m, or of a cosine, that may be missing to clearance, floor and tilt."""
-FIRST = Parameters(0.02, 12, 40, 0, 0.02, 2e-2, 1e-2, 1.5, 0.2, 0.1, 2.0)
+FIRST = Parameters(0.02, 12, 40, 0, 0.03, 2e-2, 1e-2, 1.5, 0.1, 0.1, 2.0)
 """For a line from nothing."""
 WARM = FIRST._replace(
     barrier=2e-4, enough=1, steps=25, gap=0.04, excess=2e-3, settled=0.5, shrink=0.5, damping=20.0, weight=5.0
 )
 """For a line that was found for nearly the same: it is kept to closely, and rather moved than made faster."""
-AGAIN = FIRST._replace(barrier=-1.0, enough=1, steps=10, excess=2e-3, damping=20.0)
+AGAIN = FIRST._replace(barrier=-1.0, enough=1, steps=10, gap=0.02, excess=2e-3, shrink=0.2, damping=20.0)
 """For a line that was found just now, with limits drawn in."""
 ROUNDS = 9
 """Times that limits are drawn in."""
@@ -45,7 +45,7 @@ FEW = 3
 """Times that are enough where flying slower helps at once: it does not where the thrust nearly vanishes."""
 EFFORT = 9_500
 """Times segments, effort that the search for one plan may take, as `race_solver` counts it."""
-CROWDED, LOOK, CORNER = 1.5, 3, 40
+CROWDED, LOOK, CORNER = 1.5, 4, 40
 """Times that effort among obstacles; effort per segment of a dense measurement; that to find a point of a detour."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
