@@ -28,7 +28,7 @@ from flightapp.planning.race_bounds import (
     leaving,
     limits_of,
 )
-from flightapp.planning.race_halting import halting
+from flightapp.planning.race_halting import RUNS, halting
 from flightapp.planning.race_memory import Memory, continued
 from flightapp.planning.race_problem import (
     AREA,
@@ -155,8 +155,9 @@ class RacePlanner:
         for slower in SLOWER:
             layout = lay_out(way.points, directions, ends, request.limits.v_max, slower)
             yield replace(layout, anchors=layout.anchors[~way.inserted], lowest=lowest), FIRST
-        if not ends.any():
-            yield replace(halting(way, directions, self._vehicle, request.limits), lowest=lowest), None
+        for straight in () if ends.any() else RUNS:
+            layout = halting(way, directions, self._vehicle, request.limits, straight)
+            yield replace(layout, lowest=lowest), None
 
     def _complete(self, layout: Layout, route: Route, request: PlanRequest) -> Trajectory:
         line, places = layout.line, layout.anchors[list(route.gate_places)]

@@ -15,25 +15,29 @@ from flightapp.planning.race_problem import KINDS
 from flightapp.planning.race_samples import DURATION, KNOT, motion_at
 from flightapp.planning.race_start import Layout
 
-RUN, SHARE = 0.3, 0.4
-"""m straight before and behind a gate, but no more than this share of the way from or to its neighbours."""
+RUNS, SHARE = (0.3, 0.1, 0.02), 0.4
+"""m straight before and behind a gate, the first that keeps clear, but no more than this share of the way to what is
+before and after it."""
 SPEED, ACCELERATION, JERK = 35.0 / 16.0, 7.5132, 52.5
 """Peaks of a leg of degree 7 from rest to rest, of 1 m in 1 s."""
 LEAST = 1e-3
 """m, a shorter leg is none."""
 
 
-def halting(way: Way, directions: Vector, vehicle: Vehicle, limits: Limits) -> Layout:
+def halting(way: Way, directions: Vector, vehicle: Vehicle, limits: Limits, straight: float) -> Layout:
     """A line along ``way``, of n points with ``directions`` (n, 3) of passage, zero for any, at rest at its ends.
 
-    Points with a direction are passed on a straight leg along it; the line rests at all others, and at its corners.
+    Points with a direction are passed along it, ``straight`` m before and behind; the line rests at all others, and
+    where it turns.
     """
     knots, times, anchors = [_resting(way.points[0])], [0.0], [0]
     v_max, agility = limits.v_max, min(limits.a_max, _agility(vehicle))
     for k in range(1, len(way.points)):
         point, run = way.points[k], 0.0
         if k < len(way.points) - 1 and directions[k].any():
-            run = min(RUN, SHARE * math.dist(way.points[k - 1], point), SHARE * math.dist(point, way.points[k + 1]))
+            run = min(
+                straight, SHARE * math.dist(way.points[k - 1], point), SHARE * math.dist(point, way.points[k + 1])
+            )
         _go(knots, times, point - run * directions[k], v_max, agility, vehicle.rate)
         if run > LEAST:
             _go(knots, times, point + run * directions[k], v_max, agility, vehicle.rate)

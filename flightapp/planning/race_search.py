@@ -45,7 +45,7 @@ FEW = 3
 """Times that are enough where flying slower helps at once: it does not where the thrust nearly vanishes."""
 EFFORT = 9_500
 """Times segments, effort that the search for one plan may take, as `race_solver` counts it."""
-CROWDED, LOOK, CORNER = 1.5, 4, 40
+CROWDED, LOOK, CORNER = 1.8, 4, 60
 """Times that effort among obstacles; effort per segment of a dense measurement; that to find a point of a detour."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
