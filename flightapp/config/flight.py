@@ -59,15 +59,15 @@ class Control(Section):
 
     controller: str = Field("flatness", description="entry point in flightapp.controllers")
     rate: Finite = Field(250.0, ge=20.0, le=1000.0, description="Hz")
-    position_bandwidth: Finite = Field(4.0, gt=0.1, le=20.0, description="rad/s, horizontal position loop")
+    position_bandwidth: Finite = Field(5.0, gt=0.1, le=20.0, description="rad/s, horizontal position loop")
     position_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, horizontal position loop")
-    height_bandwidth: Finite = Field(4.5, gt=0.1, le=20.0, description="rad/s, vertical position loop")
+    height_bandwidth: Finite = Field(5.5, gt=0.1, le=20.0, description="rad/s, vertical position loop")
     height_damping: Finite = Field(0.9, gt=0.1, le=3.0, description="damping ratio, vertical position loop")
     disturbance_bandwidth: Finite = Field(
         8.0, ge=0.0, le=20.0, description="rad/s, observer of the force that the model does not explain; 0: none"
     )
     drift_bandwidth: Finite = Field(
-        2.0, ge=0.0, le=10.0, description="rad/s, observer of a velocity that does not fit the positions; 0: none"
+        4.0, ge=0.0, le=10.0, description="rad/s, observer of a velocity that does not fit the positions; 0: none"
     )
     trim_rate: Finite = Field(
         0.5, ge=0.0, le=5.0, description="1/s, at which what lasts of it is put down to thrust and drag"
