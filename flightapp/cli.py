@@ -22,6 +22,7 @@ from flightapp.calibrate_commands import calibrate
 from flightapp.config import dump_config, load_config
 from flightapp.control_bench import control_tables, run_control_bench
 from flightapp.evaluation.detection_bench import detection_table, run_detection_bench
+from flightapp.evaluation.false_ids import FIRST_SEED, false_ids_line, run_false_ids
 from flightapp.evaluation.growth import growth_page, growth_tables, measure_growth
 from flightapp.evaluation.plan_table import plan_rows, rows_json, rows_table
 from flightapp.evaluation.planned import plan_json, plan_tables
@@ -145,6 +146,10 @@ def bench(
     detection: Annotated[
         bool, typer.Option("--detection", help="marker detectors side by side: time, share found, corner error")
     ] = False,
+    false_ids: Annotated[
+        int | None, typer.Option("--false-ids", min=1, help="counts markers seen in so many pictures without any")
+    ] = None,
+    first_seed: Annotated[int, typer.Option(min=0, help="of the pictures of --false-ids")] = FIRST_SEED,
     control: Annotated[
         bool, typer.Option("--control", help="controllers side by side: tracking errors of vehicle and control alone")
     ] = False,
@@ -156,6 +161,11 @@ def bench(
     json_file: JsonFile = None,
 ) -> None:
     """Computation times on this computer, beside the paper's."""
+    if false_ids is not None:
+        for counted in run_false_ids(false_ids, first_seed):
+            console.print(false_ids_line(counted), highlight=False)
+            results.write_json(json_file, counted)
+        raise typer.Exit(1 if counted["false"] else 0)
     if control:
         compared = run_control_bench(vehicle=vehicle, runs=runs)
         console.print(*map(rich_table, control_tables(compared)), sep="\n")

@@ -32,6 +32,17 @@ class MarkerLayout(StrEnum):
     """Four: top left, top right, bottom right, bottom left as seen on approach."""
 
 
+NAMED_DICTIONARIES = {
+    "ARUCO_ORIGINAL": 1024,
+    "ARUCO_MIP_36h12": 250,
+    "APRILTAG_16h5": 30,
+    "APRILTAG_25h9": 35,
+    "APRILTAG_36h10": 2320,
+    "APRILTAG_36h11": 587,
+}
+"""OpenCV's dictionaries whose names don't tell how many markers they have, and how many."""
+
+
 class GateShape(BaseModel):
     """What all gates of a track have in common."""
 
@@ -42,7 +53,7 @@ class GateShape(BaseModel):
     marker_size: float = Field(0.3, gt=0.02, le=2.0, description="m, side of a marker's black square")
     dictionary: str = Field(
         "4X4_50",
-        pattern="^(4X4|5X5|6X6|7X7)_(50|100|250|1000)$",
+        pattern="^((4X4|5X5|6X6|7X7)_(50|100|250|1000)|" + "|".join(NAMED_DICTIONARIES) + ")$",
         description="OpenCV ArUco dictionary, without DICT_",
     )
     layout: MarkerLayout = Field(MarkerLayout.CORNERS, description="top: one marker; corners: four")
@@ -56,7 +67,7 @@ class GateShape(BaseModel):
     @property
     def dictionary_size(self) -> int:
         """How many markers the dictionary has; ids count from 0."""
-        return int(self.dictionary.partition("_")[2])
+        return NAMED_DICTIONARIES.get(self.dictionary) or int(self.dictionary.partition("_")[2])
 
     @property
     def marker_count(self) -> int:

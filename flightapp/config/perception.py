@@ -14,7 +14,12 @@ class Detection(Section):
     detector: str = Field("aruco", description="entry point in flightapp.detectors")
     region_of_interest: bool = Field(True, description="search only where the map expects markers")
     full_frame_every: int = Field(10, ge=1, le=1000, description="frames between searches of the whole image")
-    corner_noise: Finite = Field(0.5, gt=0.01, le=10.0, description="px, standard deviation of a corner")
+    corner_noise: Finite = Field(
+        0.5,
+        gt=0.01,
+        le=10.0,
+        description="px, standard deviation of a corner, as expected before a gate is fitted to it",
+    )
     max_reprojection: Finite = Field(2.5, gt=0.1, le=50.0, description="px RMS, above it a sighting is refused")
     max_distance: Finite = Field(12.0, gt=0.5, le=100.0, description="m, beyond it a sighting is refused")
     region_margin: Finite = Field(20.0, ge=4.0, le=500.0, description="px around a marker that the map expects")

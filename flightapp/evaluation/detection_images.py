@@ -49,6 +49,8 @@ class Conditions:
     """Modules of white paper around the marker."""
     tilt: float = 0.6
     """rad, largest about each axis."""
+    slant: float = 0.0
+    """rad, by which each is turned besides, about an axis at random in its plane."""
     clutter: float = 14.0
     """Grey levels, standard deviation of the background's patches at each scale."""
     jpeg: int = 0
@@ -70,7 +72,7 @@ def draw_picture(
 ) -> Picture:
     """One picture of every marker of ``textures`` (id to square grey texture), spread over the image.
 
-    They need ids only to be told apart: decoys are drawn in the same way.
+    They need ids only to be told apart: other textures are drawn in the same way.
     """
     canvas = _background(camera, conditions.clutter, generator)
     columns = int(np.ceil(np.sqrt(max(len(textures), 1) * camera.width / camera.height)))
@@ -113,6 +115,9 @@ def _placed(
     facing = np.column_stack((across, np.cross(ahead, across), ahead))
     tilt = generator.uniform(-conditions.tilt, conditions.tilt, 2)
     roll = generator.uniform(-np.pi, np.pi)
+    if conditions.slant > 0.0:
+        way = generator.uniform(-np.pi, np.pi)
+        facing = facing @ cv2.Rodrigues(conditions.slant * np.array((np.cos(way), np.sin(way), 0.0)))[0]
     turn = facing @ cv2.Rodrigues(np.array((*tilt, 0.0)))[0] @ cv2.Rodrigues(np.array((0.0, 0.0, roll)))[0]
     x, y = np.asarray(turn[:, 0], float), np.asarray(turn[:, 1], float)
     side = conditions.size / float(camera.focal[0])
@@ -174,7 +179,7 @@ def _exposed(canvas: Floats, conditions: Conditions, generator: np.random.Genera
     lit = canvas * (conditions.brightness * light / light.max()).astype(np.float32)
     if conditions.blur > 0.0:
         if conditions.blur_kind is Blur.MOTION:
-            lit = cv2.filter2D(lit, -1, _streak(conditions.blur, generator.uniform(0.0, np.pi)))
+            lit = cv2.filter2D(lit, -1, streak(conditions.blur, generator.uniform(0.0, np.pi)))
         else:
             lit = cv2.GaussianBlur(lit, (0, 0), 0.5 * conditions.blur)
     noisy = lit + generator.normal(0.0, conditions.noise, lit.shape)
@@ -185,16 +190,15 @@ def _exposed(canvas: Floats, conditions: Conditions, generator: np.random.Genera
     return image
 
 
-def _streak(length: float, direction: float) -> Floats:
+def streak(length: float, direction: float) -> Floats:
     """Kernel of a straight motion over ``length`` px, symmetric about its centre."""
     half, fine = int(np.ceil(0.5 * length)) + 1, 9
-    side = 2 * half + 1
-    hits = np.zeros((side, side), np.float32)
-    for s in (np.arange(64) + 0.5) / 64 - 0.5:
-        x, y = half + s * length * np.cos(direction), half + s * length * np.sin(direction)
-        for k in range(fine):
-            # Spread over a pixel's width, so that the weights change smoothly with the direction.
-            off = (k + 0.5) / fine - 0.5
-            hits[round(y + off), int(np.floor(x + off + 0.5))] += 1.0
+    s = (np.arange(64) + 0.5) / 64 - 0.5
+    # Spread over a pixel's width, so that the weights change smoothly with the direction.
+    off = ((np.arange(fine) + 0.5) / fine - 0.5)[:, None]
+    rows = np.rint(half + s * length * np.sin(direction) + off).astype(int)
+    columns = np.floor(half + s * length * np.cos(direction) + off + 0.5).astype(int)
+    hits = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
+    np.add.at(hits, (rows, columns), 1.0)
     weights: Floats = hits / hits.sum()
     return weights

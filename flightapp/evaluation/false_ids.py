@@ -1,70 +1,87 @@
-"""How often a detector sees markers where there are none."""
+"""How often a detector sees markers where there are none, in pictures of `decoys`."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 
-from flightapp.evaluation.detection_images import PER_MODULE, Blur, Conditions, Image, draw_picture, marker_texture
+from flightapp.config import Config
+from flightapp.evaluation.decoys import IDS, SHAPE, decoy_picture
 from flightapp.interfaces import Detector
 from flightapp.messages import Frame
-from flightapp.perception.camera import CameraModel
+from flightapp.perception.aruco import ArucoDetector
+from flightapp.track import Gate, GateShape, MarkerLayout, Start, Track
 
-DECOYS = 6
-"""In every second picture; the others are background alone."""
-OTHERS = (cv2.aruco.DICT_5X5_1000, cv2.aruco.DICT_6X6_1000, cv2.aruco.DICT_7X7_1000, cv2.aruco.DICT_ARUCO_ORIGINAL)
+FIRST_SEED = 1_000_000
+AT_ONCE = 10_000
+"""Pictures between two reports."""
+MARGIN = 20.0
+"""px about a decoy in which it is sought, as the map's predictions are."""
 
 
-def decoy_texture(ids: range, generator: np.random.Generator) -> Image:
-    """Something like a 4X4 marker of ``ids``, but none.
+@dataclass(frozen=True, slots=True)
+class FalseId:
+    """A marker seen where there is none."""
 
-    Markers of the larger dictionary of the same cells and of other dictionaries, mirrored and inverted markers, black
-    squares and chessboards.
+    seed: int
+    tracking: bool
+    marker_id: int
+    quality: float
+
+
+def false_ids(detector: Detector, seeds: Iterable[int]) -> list[FalseId]:
+    """What ``detector`` sees in a picture without markers for each of ``seeds``.
+
+    Each is searched as a whole, and in boxes about its decoys, or its middle where it has none.
     """
-    kind = int(generator.integers(8))
-    if kind < 3:
-        return marker_texture(cv2.aruco.DICT_4X4_1000, int(generator.integers(ids.stop, 1000)))
-    if kind == 3:
-        return marker_texture(int(generator.choice(OTHERS)), int(generator.integers(1000)))
-    if kind == 4:
-        marker = marker_texture(cv2.aruco.DICT_4X4_50, int(generator.choice(ids)))
-        mirrored = np.ascontiguousarray(marker[:, ::-1])
-        # Some markers are their own mirror images.
-        same = any(np.array_equal(np.rot90(mirrored, turn), marker) for turn in range(4))
-        return decoy_texture(ids, generator) if same else mirrored
-    if kind == 5:
-        return np.asarray(255 - marker_texture(cv2.aruco.DICT_4X4_50, int(generator.choice(ids))), np.uint8)
-    cells = np.zeros((6, 6), np.uint8)
-    if kind == 6:
-        rows, columns = np.indices(cells.shape)
-        cells[:] = 255 * ((rows + columns) % 2)
-    return np.kron(cells, np.ones((PER_MODULE, PER_MODULE), np.uint8))
-
-
-def false_ids(
-    detector: Detector, camera: CameraModel, ids: range, seeds: Sequence[int], tracking: bool
-) -> list[tuple[int, int, float]]:
-    """(seed, id, quality) of each marker of the 4X4_50 dictionary seen in pictures without any, one for each seed.
-
-    ``tracking`` has the detector search boxes about the decoys, and the middle of the pictures that have none.
-    """
-    seen = []
+    seen: list[FalseId] = []
+    around = np.array((-MARGIN, -MARGIN, MARGIN, MARGIN))
     for seed in seeds:
-        generator = np.random.default_rng(seed)
-        textures = {n: decoy_texture(ids, generator) for n in range(DECOYS * (seed % 2))}
-        conditions = Conditions(
-            size=generator.uniform(12.0, 80.0),
-            blur=generator.uniform(0.0, 6.0),
-            blur_kind=Blur.MOTION if generator.random() < 0.5 else Blur.DEFOCUS,
-            noise=generator.uniform(1.0, 8.0),
-            brightness=generator.uniform(0.3, 1.0),
-            rim=generator.uniform(0.4, 1.5),
-            clutter=generator.uniform(0.0, 40.0),
-            jpeg=int(generator.choice((0, 40, 80))),
-        )
-        picture = draw_picture(camera, textures, conditions, generator)
-        boxes = [np.concatenate((c.min(axis=0) - 20.0, c.max(axis=0) + 20.0)) for c in picture.corners.values()]
-        middle = [np.array((camera.width, camera.height, 3.0 * camera.width, 3.0 * camera.height)) / 4.0]
-        found = detector.detect(Frame(0.0, 0, picture.image), (boxes or middle) if tracking else None)
-        seen += [(seed, marker.marker_id, marker.quality) for marker in found]
+        image, decoys = decoy_picture(np.random.default_rng(seed))
+        frame = Frame(0.0, 0, image)
+        middle = np.array((SHAPE[1], SHAPE[0], 3.0 * SHAPE[1], 3.0 * SHAPE[0])) / 4.0
+        boxes = [box + around for box in decoys] or [middle]
+        for tracking in (False, True):
+            found = detector.detect(frame, boxes if tracking else None)
+            seen += [FalseId(seed, tracking, marker.marker_id, marker.quality) for marker in found]
     return seen
+
+
+def knows_all_ids() -> Track:
+    """A track whose gates carry all markers of `decoys.IDS`, so that every one counts as known."""
+    gates = tuple(
+        Gate(id=n, position=(3.0 * n, 0.0, 2.0), yaw_deg=0.0, markers=(marker,)) for n, marker in enumerate(IDS)
+    )
+    return Track(
+        name="all", start=Start(position=(0.0, 0.0, 0.0)), gate=GateShape(layout=MarkerLayout.TOP), gates=gates
+    )
+
+
+def run_false_ids(pictures: int, first_seed: int = FIRST_SEED) -> Iterator[dict[str, Any]]:
+    """The result of `flightapp bench --false-ids` so far, each `AT_ONCE` pictures, for our own detector.
+
+    A run that was broken off is resumed with the seed after the last one that it told.
+    """
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        detector, seen = ArucoDetector(Config(), knows_all_ids()), list[FalseId]()
+        for begin in range(0, pictures, AT_ONCE):
+            end = min(begin + AT_ONCE, pictures)
+            seen += false_ids(detector, range(first_seed + begin, first_seed + end))
+            found = [{"seed": s.seed, "tracking": s.tracking, "id": s.marker_id, "quality": s.quality} for s in seen]
+            yield {"pictures": end, "first_seed": first_seed, "last_seed": first_seed + end - 1, "false": found}
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def false_ids_line(result: dict[str, Any]) -> str:
+    """``result`` in a line, and each false id in one more."""
+    seeds = f"seeds {result['first_seed']} to {result['last_seed']}"
+    lines = [f"{len(result['false'])} false ids in {result['pictures']} pictures, each searched twice ({seeds})"]
+    for found in result["false"]:
+        way = "tracking" if found["tracking"] else "acquisition"
+        lines.append(f"  seed {found['seed']}, {way}: id {found['id']}, quality {found['quality']:.2f}")
+    return "\n".join(lines)

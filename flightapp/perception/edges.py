@@ -17,11 +17,23 @@ from flightapp.jit import inlined, kernel
 
 Image = NDArray[np.uint8]
 
-LONGEST_SCAN = 5.0
-"""px to either side of the edge, which finds all of an edge that is blurred over 8 px."""
-SCANS = (6, 16)
-"""Along a side, at first to come near and then to fit."""
-LEAST_RISE = 12.0
+SHORTEST_SCAN, LONGEST_SCAN = 1.5, 5.0
+"""px to either side of the edge; the longer one finds all of an edge that is blurred over 8 px."""
+BORDER_SCAN = 1.0
+"""px to either side, where a longer scan would leave the image."""
+ROUGHLY = 0.02
+"""Of a side, by which corners of large quads are off before they are refined, beyond that."""
+FIRST_SCANS = 6
+"""Along a side, to come near and to see how wide the edge is."""
+SCANS, SCAN_SPACING = (12, 40), 1.5
+"""The fewest and the most along a side, to fit, and how far apart (px) otherwise."""
+SCAN_WIDTHS = 2.0
+"""Of the edge (standard deviations), and a pixel: the second scans' reach, so that no more noise is summed than need
+be."""
+LONG_SIDE, END = 90.0, 60.0
+"""px, beyond which each end of a side is fitted by itself, and how much of it."""
+END_SCANS = 40
+LEAST_RISE = 8.0
 """Grey levels over a scan, below which it says nothing of the edge."""
 LEAST_SCANS = 4
 CORNER_SHARE = 0.1
@@ -63,55 +75,70 @@ def quad_area(quad: Vector) -> float:
 
 
 @inlined
-def _edge_offset(image: Image, x: float, y: float, nx: float, ny: float, reach: float) -> float:
-    """Distance along the outward normal from (x, y) to the edge; NaN where there is none."""
+def _edge(image: Image, x: float, y: float, nx: float, ny: float, reach: float) -> tuple[float, float]:
+    """Distance along the outward normal from (x, y) to the edge, NaN where there is none, and the square of its width.
+
+    That is the variance of the brightness's rise.
+    """
     if not (within(image, x - reach * nx, y - reach * ny) and within(image, x + reach * nx, y + reach * ny)):
-        return math.nan
+        reach = BORDER_SCAN
+        if not (within(image, x - reach * nx, y - reach * ny) and within(image, x + reach * nx, y + reach * ny)):
+            return math.nan, 0.0
     count = int(2.0 * reach) + 2
     spacing = 2.0 * reach / count
-    rise, moment = 0.0, 0.0
+    rise, moment, second = 0.0, 0.0, 0.0
     previous = sample(image, x - reach * nx, y - reach * ny)
     for k in range(1, count + 1):
         s = k * spacing - reach
         value = sample(image, x + s * nx, y + s * ny)
-        more = max(value - previous, 0.0)
-        rise += more
-        moment += more * (s - 0.5 * spacing)
+        more, s = max(value - previous, 0.0), s - 0.5 * spacing
+        rise, moment, second = rise + more, moment + more * s, second + more * s * s
         previous = value
-    return moment / rise if rise >= LEAST_RISE else math.nan
+    if rise < LEAST_RISE:
+        return math.nan, 0.0
+    offset = moment / rise
+    return offset, second / rise - offset * offset
 
 
 @kernel
-def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, lines: Vector) -> float:
-    """Fit the edge near the side from ``a`` to ``b``; its tangents there into ``lines`` (2, 3).
+def _fit_side(
+    image: Image, a: Vector, b: Vector, bend: float, reach: float, scans: int, least: int, lines: Vector
+) -> tuple[float, float, float]:
+    """Fit the edge near the side from ``a`` to ``b``, bent by ``bend``; its tangents there into ``lines`` (2, 3).
 
-    They are n·x = c with n pointing outward. RMS (px) by which the edge lies off the fit, NaN where there is none.
+    At ``least`` so many of the ``scans`` must see it. The tangents are n·x = c with n pointing outward. RMS (px) by
+    which the edge lies off the fit, NaN where there is none, the edge's width (px, standard deviation) and its bend
+    (px; a quarter of it is the sagitta, inward).
     """
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = math.sqrt(dx * dx + dy * dy)
     if length < 4.0:
-        return math.nan
+        return math.nan, 0.0, 0.0
     nx, ny = dy / length, -dx / length
     # Normal equations of an offset c0 + c1 t + c2 (t² - 1/4), t from -1/2 to 1/2 along the side; -4 c2 is its sagitta.
     n, s1, s2, s3, s4, r0, r1, r2, squares = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    width2 = 0.0
     for k in range(scans):
         t = (1.0 - 2.0 * CORNER_SHARE) * ((k + 0.5) / scans - 0.5)
-        offset = _edge_offset(image, a[0] + (t + 0.5) * dx, a[1] + (t + 0.5) * dy, nx, ny, reach)
+        q = t * t - 0.25
+        px, py = a[0] + (t + 0.5) * dx + bend * q * nx, a[1] + (t + 0.5) * dy + bend * q * ny
+        offset, wide2 = _edge(image, px, py, nx, ny, reach)
         if math.isnan(offset):
             continue
-        q = t * t - 0.25
+        offset += bend * q
         n += 1
         s1, s2, s3, s4 = s1 + t, s2 + q, s3 + t * q, s4 + q * q
         r0, r1, r2, squares = r0 + offset, r1 + offset * t, r2 + offset * q, squares + offset * offset
-    if n < LEAST_SCANS:
-        return math.nan
+        width2 += wide2
+    if n < least:
+        return math.nan, 0.0, 0.0
     t2 = s2 + 0.25 * n
     s4 += (SCAN_NOISE / (4.0 * BEND * length * length)) ** 2
     # Without the constant, then without the slope.
     a11, a12, a22 = t2 - s1 * s1 / n, s3 - s1 * s2 / n, s4 - s2 * s2 / n
     b1, b2 = r1 - s1 * r0 / n, r2 - s2 * r0 / n
     if a11 < 1e-6:
-        return math.nan
+        return math.nan, 0.0, 0.0
     c2 = (b2 - a12 * b1 / a11) / (a22 - a12 * a12 / a11)
     c1 = (b1 - a12 * c2) / a11
     c0 = (r0 - c1 * s1 - c2 * s2) / n
@@ -123,7 +150,27 @@ def _fit_side(image: Image, a: Vector, b: Vector, reach: float, scans: int, line
         lines[end, 0], lines[end, 1] = nx - slope * dx / length, ny - slope * dy / length
         lines[end, 2] = lines[end, 0] * px + lines[end, 1] * py
     off = math.sqrt(max(squares - c0 * r0 - c1 * r1 - c2 * r2, 0.0) / n)
-    return off if abs(c1) < 0.4 * length else math.nan
+    return off if abs(c1) < 0.4 * length else math.nan, math.sqrt(max(width2 / n, 0.0)), c2
+
+
+@kernel
+def _fit_ends(image: Image, a: Vector, b: Vector, bend: float, reach: float, lines: Vector) -> None:
+    """Fit anew the tangents ``lines`` (2, 3) at the ends of a long side, each to the part of the side next to it.
+
+    No parabola follows all of a long side through a lens of strong distortion.
+    """
+    dx, dy, near, far = b[0] - a[0], b[1] - a[1], np.empty(2), np.empty((2, 3))
+    length = math.sqrt(dx * dx + dy * dy)
+    share = END / length
+    for end in range(2):
+        t = share - 0.5 if end == 0 else 0.5 - share
+        lift = bend * (t * t - 0.25) / length
+        near[0], near[1] = a[0] + (t + 0.5) * dx + lift * dy, a[1] + (t + 0.5) * dy - lift * dx
+        first, last = (a, near) if end == 0 else (near, b)
+        off = _fit_side(image, first, last, bend * share * share, reach, END_SCANS, END_SCANS - 4, far)[0]
+        if not math.isnan(off):
+            for k in range(3):
+                lines[end, k] = far[end, k]
 
 
 @kernel
@@ -138,23 +185,34 @@ def _meet(p: Vector, q: Vector, corner: Vector) -> bool:
 
 
 @kernel
-def refine_corners(image: Image, corners: Vector, modules: int, refined: Vector) -> bool:
+def refine_corners(image: Image, corners: Vector, modules: int, refined: Vector) -> float:
     """Put ``corners`` (4, 2) in pixels, refined in ``image`` (h, w), into ``refined`` (4, 2).
 
-    Corners go clockwise in the image; a marker has ``modules`` a side, with the black border. Where the edges can't
-    be fitted, or corners would move further than a module and two pixels, they stay as they came. False where there
-    are edges, but not of straight sides.
+    Corners go clockwise in the image; a marker has ``modules`` a side, with the black border. Returns the edges' RMS
+    width (px), NaN where there are no edges, or not of straight sides, or corners would move further than a module and
+    two pixels.
     """
-    quad, lines = corners.copy(), np.empty((4, 2, 3))
+    quad, lines, widths, bends = corners.copy(), np.empty((4, 2, 3)), np.empty(4), np.zeros(4)
     good, straight = True, True
-    for scans in SCANS:
+    for turn in range(2):
         straight = True
         for side in range(4):
             a, b = quad[side], quad[(side + 1) % 4]
+            length = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
             # Across the side: of markers seen askew that is less than along it.
-            module = quad_area(quad) / (modules * math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) + 1e-9)
-            reach = min(max(0.9 * module, 1.5), LONGEST_SCAN)
-            off = _fit_side(image, a, b, reach, scans, lines[side]) if good else math.nan
+            module = quad_area(quad) / (modules * length + 1e-9)
+            if turn == 0:
+                reach, scans = LONGEST_SCAN + ROUGHLY * length, FIRST_SCANS
+            else:
+                reach = min(max(SHORTEST_SCAN, SCAN_WIDTHS * widths[side] + 1.0), LONGEST_SCAN)
+                scans = min(max(int(length / SCAN_SPACING), SCANS[0]), SCANS[1])
+            reach, off = min(reach, max(0.9 * module, SHORTEST_SCAN)), math.nan
+            if good:
+                off, widths[side], bends[side] = _fit_side(
+                    image, a, b, bends[side], reach, scans, LEAST_SCANS, lines[side]
+                )
+            if turn > 0 and length > LONG_SIDE and not math.isnan(off):
+                _fit_ends(image, a, b, bends[side], reach, lines[side])
             good, straight = not math.isnan(off), straight and not off > ROUGH + ROUGH_SHARE * module
         for side in range(4):
             good = good and _meet(lines[side - 1, 1], lines[side, 0], quad[side])
@@ -164,6 +222,5 @@ def refine_corners(image: Image, corners: Vector, modules: int, refined: Vector)
         module = math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2) / modules
         good = good and moved < module + 2.0
     for side in range(4):
-        refined[side, 0] = quad[side, 0] if good else corners[side, 0]
-        refined[side, 1] = quad[side, 1] if good else corners[side, 1]
-    return straight
+        refined[side, 0], refined[side, 1] = quad[side, 0], quad[side, 1]
+    return math.sqrt((widths * widths).mean()) if good and straight else math.nan

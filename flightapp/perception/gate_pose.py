@@ -23,6 +23,9 @@ from flightapp.track import Track
 LIKELIHOOD_RATIO = 9.0
 """The alternative is dropped when its squared error, over the noise's variance, is larger by this (3 sigma)."""
 
+PRIOR_WEIGHT = 8.0
+"""The expected corner noise counts as much as so many residuals: those of a marker."""
+
 SAME_POSE = 1e-2
 """rad and fraction of the distance: candidates this close have met in one minimum."""
 
@@ -101,8 +104,24 @@ def _in_body(fit: Vector, R_bc: Vector, p_bc: Vector, out: Vector) -> None:
 
 
 @kernel
-def _covariance(fit: Vector, noise: float, R_bc: Vector, out: Vector) -> bool:
-    """Covariance (36,) of a fit in the axes of a sighting; False where the corners leave the pose open."""
+def _corner_variance(fit: Vector, corners: int, noise: float) -> float:
+    """px², of the ``corners`` of a fit: what its residuals tell, together with the ``noise`` expected beforehand.
+
+    The scale of the scaled inverse χ² that is the variance's posterior (A. Gelman et al., "Bayesian Data Analysis",
+    2013, section 2.6): blurred corners scatter more than sharp ones, and four markers tell by how much. That the
+    variance is uncertain raises the mean of the normalised squared errors, by one in the divisor.
+    """
+    free = 2 * corners - 6
+    variance: float = (PRIOR_WEIGHT * noise * noise + fit[_SQUARES]) / (PRIOR_WEIGHT + free - 1.0)
+    return variance
+
+
+@kernel
+def _covariance(fit: Vector, variance: float, R_bc: Vector, out: Vector) -> bool:
+    """Covariance (36,) of a fit in the axes of a sighting; False where the corners leave the pose open.
+
+    ``variance`` is that of a corner, px².
+    """
     A, column = np.empty((6, 6)), np.empty(6)
     for i in range(6):
         for j in range(6):
@@ -117,8 +136,8 @@ def _covariance(fit: Vector, noise: float, R_bc: Vector, out: Vector) -> bool:
         substitute(A, column)
         for k in range(3):
             turned = R_bc[k, 0] * column[0] + R_bc[k, 1] * column[1] + R_bc[k, 2] * column[2]
-            out[6 * i + k] = noise * noise * turned
-            out[6 * i + 3 + k] = noise * noise * column[3 + k]
+            out[6 * i + k] = variance * turned
+            out[6 * i + 3 + k] = variance * column[3 + k]
     for i in range(6):
         for j in range(i):
             out[6 * i + j] = out[6 * j + i] = 0.5 * (out[6 * i + j] + out[6 * j + i])
@@ -135,14 +154,18 @@ def _covariance(fit: Vector, noise: float, R_bc: Vector, out: Vector) -> bool:
 def _sighted(fits: Vector, count: int, corners: int, limits: Vector, R_bc: Vector, p_bc: Vector, out: Vector) -> int:
     """The sighting that ``count`` of ``fits`` make, into ``out`` (50,): 0 none, 1 one pose, 2 with an alternative.
 
-    ``limits`` (3,) are the noise of a corner, the greatest reprojection error (px) and the greatest distance (m).
+    ``limits`` (3,) are the expected noise of a corner and the greatest reprojection error (px), and the greatest
+    distance (m).
     """
-    if count == 0 or not _credible(fits[0], corners, limits) or not _covariance(fits[0], limits[0], R_bc, out[7:43]):
+    if count == 0 or not _credible(fits[0], corners, limits):
+        return 0
+    variance = _corner_variance(fits[0], corners, limits[0])
+    if not _covariance(fits[0], variance, R_bc, out[7:43]):
         return 0
     _in_body(fits[0], R_bc, p_bc, out[0:7])
     if count == 1 or not _another(fits[0], fits[1]) or not _credible(fits[1], corners, limits):
         return 1
-    if not (fits[1, _SQUARES] - fits[0, _SQUARES]) / limits[0] ** 2 < LIKELIHOOD_RATIO:
+    if not (fits[1, _SQUARES] - fits[0, _SQUARES]) / variance < LIKELIHOOD_RATIO:
         return 1
     _in_body(fits[1], R_bc, p_bc, out[43:50])
     return 2

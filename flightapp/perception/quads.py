@@ -1,8 +1,7 @@
 """Dark quads in grey images: what may be markers.
 
-The outlines of dark components are followed along the cracks between pixels (A. Rosenfeld and A. Kak, "Digital
-Picture Processing", 1982), and the quad of locally largest area is put into each. It is a candidate where outline
-runs along most of each of its sides: gaps in an outline and bites out of it, as blur and shadows make them, do no
+The quad of locally largest area is put into the outline of each dark component. It is a candidate where outline runs
+along most of each of its sides: gaps in an outline and bites out of it, as blur and shadows make them, do no
 harm.
 """
 
@@ -12,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined, kernel
+from flightapp.jit import kernel
 from flightapp.perception.edges import Image, quad_area, sample, within
+from flightapp.perception.outlines import STEPS, follow, unpack, vertices_of
 from flightapp.perception.threshold import Bytes, marked_dark
 
 MOST_QUADS = 512
@@ -46,53 +46,6 @@ WHOLE = np.array((7, 4))
 markers of 15 to 200 px are found in whole images."""
 REGION = np.array((5, 4))
 """With these fainter ones too, for where there is little to search."""
-
-# Going right, down, left, up with the dark on the right: by which quarters to turn where the pixels ahead are both
-# bright, the right one dark, the left one dark, both dark.
-_TURN = np.array((1, 0, 1, 3))
-# A step, and from the vertex's lower right pixel to the pixels ahead on the right and on the left: columns and rows.
-_COLUMNS = np.array(((1, 0, -1, 0), (0, -1, -1, 0), (0, 0, -1, -1)))
-_ROWS = np.array(((0, 1, 0, -1), (0, 0, -1, -1), (-1, 0, 0, -1)))
-
-
-@inlined
-def _follow(dark: Bytes, width: int, moves: NDArray[np.int64], start: int, line: NDArray[np.int32]) -> int:
-    """Follow the outline from the left edge of the pixel at ``start``: its length, 0 if it is too long.
-
-    ``dark`` (height · width,) is 1 in a component and gets 2 added where the outline goes up, so that it is followed
-    once. ``moves`` (3, 4) are `_COLUMNS` + width · `_ROWS`. Vertices go into ``line`` (k,) as far as there is room.
-    """
-    room, count, d, at = line.size, 0, 3, start + width
-    first = at
-    while True:
-        if count < room:
-            line[count] = at
-        count += 1
-        # Without a branch: nothing foresees an outline's turns.
-        dark[np.uint64(at - width)] |= np.uint8((d == 3) << 1)
-        at += moves[0, np.uint64(d)]
-        right, left = dark[np.uint64(at + moves[1, np.uint64(d)])], dark[np.uint64(at + moves[2, np.uint64(d)])]
-        d = (d + _TURN[np.uint64((right & 1) | (left & 1) << 1)]) & 3
-        if at == first and d == 3:
-            break
-    return count if count <= room else 0
-
-
-@kernel
-def _unpack(line: NDArray[np.int32], count: int, width: int, points: NDArray[np.int32], box: NDArray[np.int64]) -> int:
-    """The vertices of ``line`` as ``points`` (k, 2) x, y, and the ``box`` about them; twice the area inside."""
-    box[0], box[1], box[2], box[3] = width, line.size, 0, 0
-    x, y, area2 = line[0] % width, line[0] // width, 0
-    for i in range(count):
-        points[i, 0], points[i, 1] = x, y
-        box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
-        step = line[(i + 1) % count] - line[i]
-        if abs(step) == 1:
-            area2 -= 2 * step * y
-            x += step
-        else:
-            y += 1 if step > 0 else -1
-    return area2
 
 
 @kernel
@@ -210,20 +163,24 @@ def _is_new(quads: Vector, count: int) -> bool:
 def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, quads: Vector, count: int) -> int:
     """Add the quads of ``dark``, which is ``image`` from (x0, y0) on made smaller by ``scale``; how many there are."""
     height, width = dark.shape
-    flat, moves, box = dark.ravel(), _COLUMNS + width * _ROWS, np.empty(4, np.int64)
+    vertices, box, steps = vertices_of(dark), np.empty(4, np.int64), np.empty(128, np.int64)
+    for k in range(128):
+        steps[k] = STEPS[k] if abs(STEPS[k]) == 1 else width * (STEPS[k] // 1000)
     line = np.empty(4 * (height + width), np.int32)
     points = np.empty((line.size, 2), np.int32)
     for y in range(1, height - 1):
+        below = vertices[y + 1]
         for x in range(1, width - 1):
-            if dark[y, x] != 1 or dark[y, x - 1] != 0:
+            # A left edge of the dark that no outline has gone up.
+            if below[x] & 28 != 8:
                 continue
             # Most are single pixels of noise.
             if not (dark[y, x + 1] or dark[y + 1, x - 1] or dark[y + 1, x] or dark[y + 1, x + 1]):
                 continue
-            length = _follow(flat, width, moves, y * width + x, line)
+            length = follow(vertices.ravel(), steps, (y + 1) * width + x, -width, line)
             if length < SHORTEST_OUTLINE or count >= quads.shape[0]:
                 continue
-            area2 = _unpack(line, length, width, points, box)
+            area2 = unpack(line, length, width, points, box)
             across, down = box[2] - box[0], box[3] - box[1]
             if area2 < SMALLEST_AREA or min(across, down) < SHORTEST_SIDE or length > LONGEST_OUTLINE * (across + down):
                 continue
@@ -242,30 +199,54 @@ def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, 
 
 
 @kernel
+def _blank(dark: Bytes, x0: int, y0: int, quad: Vector) -> None:
+    """Blank what lies in ``quad`` (4, 2) of ``dark``, which is an image from (x0, y0) on with a rim of one."""
+    top, bottom = quad[:, 1].min(), quad[:, 1].max()
+    for y in range(max(math.floor(top) - y0 - 1, 0), min(math.ceil(bottom) - y0 + 2, dark.shape[0] - 2)):
+        left, right = math.inf, -math.inf
+        for k in range(4):
+            ax, ay, bx, by = quad[k, 0], quad[k, 1], quad[(k + 1) % 4, 0], quad[(k + 1) % 4, 1]
+            # Where the side meets the row, or the end of it that is nearest.
+            low, high = min(ay, by), max(ay, by)
+            if y + y0 < low - 1.0 or y + y0 > high + 1.0:
+                continue
+            t = (min(max(float(y + y0), low), high) - ay) / (by - ay) if high > low else 0.0
+            left, right = min(left, ax + t * (bx - ax)), max(right, ax + t * (bx - ax))
+        if left > right:
+            continue
+        for x in range(max(math.floor(left) - x0 - 1, 0), min(math.ceil(right) - x0 + 2, dark.shape[1] - 2)):
+            dark[y + 1, x + 1] = 0
+
+
+@kernel
 def find_quads(
     image: Image,
-    half: Image,
-    near: Image,
-    wide: Image,
+    means: tuple[Image, Image, Image],
     boxes: NDArray[np.int64],
-    offsets: NDArray[np.int64],
+    scale: int,
+    offset: int,
     modules: int,
+    known: Vector,
     quads: Vector,
 ) -> int:
     """Put the dark quads in ``boxes`` (b, 4) of ``image`` (h, w) into ``quads`` (k, 4, 2); how many there are.
 
-    Corners go clockwise, in pixels. ``half``, ``near`` and ``wide`` are the image's `Means`, ``offsets`` `WHOLE` or
-    `REGION`, ``modules`` those of a marker along a side. Sharp and small quads are found in the image itself, blurred
-    and large ones at half the size.
+    Corners go clockwise, in pixels. ``means`` are the image's `Means`: half, near and wide; ``offset`` is of `WHOLE` or
+    `REGION`, ``modules`` those of a marker along a side. Blurred and large quads are found with ``scale`` 2, at half
+    the size; sharp and small ones with 1. The quads ``known`` (j, 4, 2) aren't looked into.
     """
+    half, near, wide = means
     count, height, width = 0, half.shape[0], half.shape[1]
     for b in range(boxes.shape[0]):
         x0, y0, x1, y1 = boxes[b, 0] // 2, boxes[b, 1] // 2, boxes[b, 2], boxes[b, 3]
         x2, y2 = min((x1 + 1) // 2, width), min((y1 + 1) // 2, height)
         if x2 <= x0 or y2 <= y0:
             continue
-        dark = marked_dark(image[2 * y0 : y1, 2 * x0 : x1], near[y0:y2, x0:x2], offsets[0])
-        count = _add(image, dark, 1, 2 * x0, 2 * y0, modules, quads, count)
-        dark = marked_dark(half[y0:y2, x0:x2], wide[y0:y2, x0:x2], offsets[1])
-        count = _add(image, dark, 2, 2 * x0, 2 * y0, modules, quads, count)
+        if scale == 2:
+            dark = marked_dark(half[y0:y2, x0:x2], wide[y0:y2, x0:x2], offset)
+        else:
+            dark = marked_dark(image[2 * y0 : y1, 2 * x0 : x1], near[y0:y2, x0:x2], offset)
+            for quad in known:
+                _blank(dark, 2 * x0, 2 * y0, quad)
+        count = _add(image, dark, scale, 2 * x0, 2 * y0, modules, quads, count)
     return count

@@ -1,58 +1,120 @@
 """Markers in the boxes of an image: the whole search in compiled code."""
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.jit import kernel
-from flightapp.perception.decoding import PROBES, has_border, read_cells, recognise
+from flightapp.perception.decoding import (
+    PROBES,
+    bordered_codes,
+    code_templates,
+    has_border,
+    read_cells,
+    recognise,
+    rim_brightness,
+    simple_codes,
+)
 from flightapp.perception.edges import Image, refine_corners
 from flightapp.perception.quads import MOST_QUADS, find_quads
-from flightapp.perception.threshold import means_of
+from flightapp.perception.threshold import Means
 
-CODE, FIT, WORST, LEAD, CORNERS = 0, 1, 2, 3, 4
-"""Columns of a reading; see `recognise`."""
-READING = 12
+CODE, FIT, WORST, DOUBT, RIM, WIDTH, CORNERS = 0, 1, 2, 3, 4, 5, 6
+"""Columns of a reading: those of `recognise`, then how much brighter the paper is than the border, in parts of the
+contrast, the edges' width (px), and the corners x, y in pixels, clockwise from the quad's first, not the marker's."""
+READING = 14
+
+Limits = Vector
+"""(4,) the least fit, the most unexplained in a cell, the most doubt, and the least that the paper is brighter."""
+
+SIMPLE = np.array((0.97, 0.15, 1.0, 0.45))
+"""What `simple_codes` must keep to as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Codes:
+    """The codes of a dictionary as the kernels want them."""
+
+    cells: Vector
+    """`bordered_codes` (k, n, n)."""
+    templates: Vector
+    simple: NDArray[np.bool_]
+
+    @staticmethod
+    def of(codes: NDArray[np.uint8]) -> "Codes":
+        """Those of `marker_codes`."""
+        cells = bordered_codes(codes)
+        return Codes(cells, code_templates(cells), simple_codes(cells))
 
 
 def read_markers(
-    image: Image, boxes: NDArray[np.int64], offsets: NDArray[np.int64], templates: Vector, codes: Vector
+    image: Image,
+    means: Means,
+    boxes: NDArray[np.int64],
+    scale: int,
+    offset: int,
+    limits: Limits,
+    codes: Codes,
+    known: Vector,
 ) -> Vector:
-    """What may be markers in ``boxes`` (b, 4) x0, y0, x1, y1 of ``image`` (h, w): readings (m, 12).
+    """The markers in ``boxes`` (b, 4) x0, y0, x1, y1 of ``image`` (h, w): readings (m, 14) that keep to ``limits``.
 
-    ``offsets`` are those of `quads`, ``templates`` and ``codes`` those of `decoding`. A reading ends with the
-    corners x, y in pixels, clockwise from the quad's first, not the marker's.
+    ``scale`` and ``offset`` are those of `quads`; the quads ``known`` (j, 4, 2) aren't looked into.
     """
-    means = means_of(image)
-    return _read(image, means.half, means.near, means.wide, boxes, offsets, templates, codes)
+    three = means.half, means.near, means.wide
+    return _read(image, three, boxes, scale, offset, limits, SIMPLE, codes.templates, codes.cells, codes.simple, known)
+
+
+@kernel
+def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, reading: Vector) -> bool:
+    """What ``quad`` (4, 2) shows, into ``reading`` (14,). False for nothing."""
+    modules = codes.shape[1]
+    refined, cells = np.empty((4, 2)), np.empty((modules, modules))
+    # A glance spares most of what is no marker the fit.
+    if not (read_cells(image, quad, 1, cells) and has_border(cells)):
+        return False
+    width = refine_corners(image, quad, modules, refined)
+    if math.isnan(width) or not (read_cells(image, refined, PROBES, cells) and has_border(cells)):
+        return False
+    contrast = recognise(cells, templates, codes, reading)
+    if not reading[FIT] > 0.0:
+        return False
+    dark, n = 0.0, modules - 1
+    for i in range(n):
+        dark += (cells[0, i] + cells[i, n] + cells[n, n - i] + cells[n - i, 0]) / (4 * n)
+    reading[RIM] = (rim_brightness(image, refined, modules) - dark) / contrast
+    reading[WIDTH] = width
+    for k in range(8):
+        reading[CORNERS + k] = refined[k // 2, k % 2]
+    return True
+
+
+@kernel
+def _keeps_to(reading: Vector, limits: Vector) -> bool:
+    good = reading[FIT] >= limits[0] and reading[WORST] <= limits[1]
+    return bool(good and reading[DOUBT] <= limits[2] and reading[RIM] >= limits[3])
 
 
 @kernel
 def _read(
     image: Image,
-    half: Image,
-    near: Image,
-    wide: Image,
+    means: tuple[Image, Image, Image],
     boxes: NDArray[np.int64],
-    offsets: NDArray[np.int64],
+    scale: int,
+    offset: int,
+    limits: Vector,
+    stricter: Vector,
     templates: Vector,
     codes: Vector,
+    simple: NDArray[np.bool_],
+    known: Vector,
 ) -> Vector:
-    quads, modules = np.empty((MOST_QUADS, 4, 2)), codes.shape[1]
-    readings = np.empty((MOST_QUADS, READING))
-    refined, cells = np.empty((4, 2)), np.empty((modules, modules))
-    count = 0
-    for m in range(find_quads(image, half, near, wide, boxes, offsets, modules, quads)):
-        # A glance spares most of what is no marker the fit.
-        if not (read_cells(image, quads[m], 1, cells) and has_border(cells)):
-            continue
-        if not refine_corners(image, quads[m], modules, refined):
-            continue
-        if not (read_cells(image, refined, PROBES, cells) and has_border(cells)):
-            continue
-        recognise(cells, templates, codes, readings[count])
-        for k in range(8):
-            readings[count, CORNERS + k] = refined[k // 2, k % 2]
-        if readings[count, FIT] > 0.0:
-            count += 1
-    return readings[:count].copy()
+    quads, readings, found = np.empty((MOST_QUADS, 4, 2)), np.empty((MOST_QUADS, READING)), 0
+    for m in range(find_quads(image, means, boxes, scale, offset, codes.shape[1], known, quads)):
+        row = readings[found]
+        if _read_quad(image, quads[m], templates, codes, row) and _keeps_to(row, limits):
+            found += int(not simple[int(row[CODE])] or _keeps_to(row, stricter))
+    return readings[:found].copy()

@@ -47,7 +47,7 @@ def expected_regions(
     searched = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in merged)
     if searched > detection.region_coverage * camera.width * camera.height:
         return None
-    return [np.array(box, float) for box in merged]
+    return boxes
 
 
 @cache

@@ -1,5 +1,6 @@
 """Detectors side by side: the pictures, the judging and the table."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -8,11 +9,14 @@ import pytest
 from rich.console import Console
 
 from flightapp.config import Config
+from flightapp.evaluation.decoys import SHAPE, decoy_texture
 from flightapp.evaluation.detection_bench import bench_cameras, bench_track, detection_table, judge, predicted_regions
 from flightapp.evaluation.detection_images import Blur, Conditions, draw_picture, marker_texture
-from flightapp.evaluation.false_ids import false_ids
-from flightapp.messages import Frame
+from flightapp.evaluation.false_ids import false_ids, false_ids_line, knows_all_ids
+from flightapp.frames import Vector
+from flightapp.messages import Frame, MarkerDetection
 from flightapp.perception.aruco import ArucoDetector
+from flightapp.perception.decoding import marker_codes
 
 TEXTURES = {n: marker_texture(cv2.aruco.DICT_4X4_50, n) for n in range(4)}
 
@@ -53,9 +57,38 @@ def test_detectors_are_judged_by_the_truth() -> None:
 
 
 def test_decoys_are_no_markers() -> None:
-    detector, camera = ArucoDetector(Config(), bench_track((1, 2, 3, 4))), bench_cameras()["pinhole"]
-    for tracking in (False, True):
-        assert false_ids(detector, camera, range(50), range(20610, 20622), tracking) == []
+    assert false_ids(ArucoDetector(Config(), knows_all_ids()), range(20610, 20710)) == []
+
+
+def test_false_ids_are_counted_in_both_ways_of_searching() -> None:
+    """A detector that takes the middle of whatever it is given for a marker is found out."""
+
+    class Credulous:
+        def detect(self, frame: Frame, regions: Sequence[Vector] | None) -> tuple[MarkerDetection, ...]:
+            assert frame.image is not None
+            assert frame.image.shape == SHAPE
+            return tuple(MarkerDetection(7, np.zeros((4, 2)), 0.5) for _ in regions or [None])
+
+    seen = false_ids(Credulous(), range(20720, 20730))
+    assert sum(not one.tracking for one in seen) == 10
+    assert sum(one.tracking for one in seen) >= 10
+    assert {one.seed for one in seen} == set(range(20720, 20730))
+    told = false_ids_line({"pictures": 10, "first_seed": 20720, "last_seed": 20729, "false": []})
+    assert told == "0 false ids in 10 pictures, each searched twice (seeds 20720 to 20729)"
+
+
+@pytest.mark.parametrize("seed", range(20730, 20733))
+def test_decoys_differ_from_every_marker(seed: int) -> None:
+    """Whatever has cells of black and white; what is grey in between is like none anyway."""
+    rng = np.random.default_rng(seed)
+    codes = marker_codes(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    known = np.pad(codes, ((0, 0), (1, 1), (1, 1)))
+    for _ in range(100):
+        texture = decoy_texture(rng)
+        cells = cv2.resize(texture, (6, 6), interpolation=cv2.INTER_AREA) / 255.0
+        if np.minimum(cells, 1.0 - cells).max() < 0.25:
+            turns = [np.abs(np.rot90(known, turn, axes=(1, 2)) - cells).max(axis=(1, 2)) for turn in range(4)]
+            assert np.min(turns) > 0.7
 
 
 def test_dark_shapes_without_straight_sides_are_no_markers() -> None:

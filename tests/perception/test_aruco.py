@@ -131,3 +131,20 @@ def test_markers_at_the_images_border_are_found(margin: int) -> None:
         found = aruco().detect(frame(picture.image[y0:y1, x0:x1]), None)
         assert [marker.marker_id for marker in found] == [marker_id]
         assert np.abs(found[0].corners + np.array([x0, y0]) - quad).max() < 1.0
+
+
+def test_a_small_marker_beside_a_large_one_is_found_in_its_own_box() -> None:
+    """Small ones are sought only where none has been found yet; here the large one lies in both boxes."""
+    image = np.full((200, 300), 120, np.uint8)
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    places = {1: (60, 70, 80), 2: (160, 90, 14)}
+    boxes = []
+    for marker_id, (x, y, side) in places.items():
+        rim = max(side // 6, 3)
+        image[y - rim : y + side + rim, x - rim : x + side + rim] = 230
+        image[y : y + side, x : x + side] = markers.generateImageMarker(marker_id, side)
+        boxes.append(np.array((x - 30.0, y - 30.0, x + side + 30.0, y + side + 30.0)))
+    picture = frame(cv2.GaussianBlur(image, (0, 0), 0.6))
+    boxes[1] = np.array((50.0, 60.0, 204.0, 160.0))
+    assert [marker.marker_id for marker in aruco().detect(picture, boxes)] == [1, 2]
+    assert [marker.marker_id for marker in aruco().detect(picture, boxes[:1])] == [1]

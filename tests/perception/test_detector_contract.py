@@ -2,16 +2,20 @@
 
 from functools import lru_cache
 from importlib.metadata import entry_points
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from marker_scenes import Scene, draw
-from perception_cases import config, track
+from perception_cases import PINHOLE, config, track
 
+from flightapp.config import Config, Detection
 from flightapp.interfaces import Detector
 from flightapp.messages import Frame, MarkerDetection
+from flightapp.modules import find
 from flightapp.perception.aruco import ArucoDetector
+from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.opencv import OpencvDetector
 
 TRACK = track(gates=2)
@@ -157,3 +161,37 @@ def test_what_looks_like_a_marker_is_none(name: str) -> None:
     for decoy in decoys:
         for side in (24, 61):
             assert detector(name).detect(frame(poster(decoy, side=side)), None) == ()
+
+
+PLUGIN = """
+import numpy as np
+from flightapp.messages import MarkerDetection
+
+class Learned:
+    \"\"\"Stands for a network: takes the brightest pixel for the middle of marker 3.\"\"\"
+
+    def __init__(self, config, track):
+        self.known = {marker for gate in track.passage for marker in gate.markers}
+
+    def detect(self, frame, regions):
+        y, x = np.unravel_index(frame.image.argmax(), frame.image.shape)
+        square = np.array([[-12.0, -12.0], [12.0, -12.0], [12.0, 12.0], [-12.0, 12.0]])
+        return (MarkerDetection(3, np.array([x, y]) + square, 0.7),) if 3 in self.known else ()
+"""
+
+
+def test_a_detector_of_another_package_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Installed, it has a module and an entry point; `detection.detector` is then its name."""
+    (tmp_path / "learned_gates.py").write_text(PLUGIN)
+    installed = tmp_path / "learned_gates-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: learned-gates\nVersion: 1.0\n")
+    (installed / "entry_points.txt").write_text("[flightapp.detectors]\nlearned = learned_gates:Learned\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    chosen = Config(detection=Detection(detector="learned"))
+    plugin: Detector = find("detectors", chosen.detection.detector)(chosen, TRACK)
+    image = np.zeros(SMALL, np.uint8)
+    image[120, 160] = 255
+    (marker,) = plugin.detect(frame(image), None)
+    (sighting,) = GatePoseSolver(chosen, TRACK, PINHOLE).solve(0.0, [marker])
+    assert (marker.marker_id, sighting.gate_id, sighting.markers) == (3, 10, 1)

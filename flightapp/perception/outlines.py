@@ -1,0 +1,86 @@
+"""Outlines of dark components, along the cracks between pixels.
+
+After A. Rosenfeld and A. Kak, "Digital Picture Processing" (1982). A vertex is told by which of the four pixels about
+it are dark: where an outline goes on from there depends on that and on the way it came alone.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flightapp.jit import inlined, kernel
+from flightapp.perception.threshold import Bytes
+
+VISITED = 16
+"""Added to a vertex from which an outline has gone up."""
+
+
+def _turns() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(128,) where to go on and the way there, x + 1000 y, from each vertex reached on each way.
+
+    Ways are right, down, left, up with the dark on the right; a vertex is told by `vertices_of`. Where the pixel ahead
+    on the right is bright the outline turns right, where both are dark left, else it goes straight on.
+    """
+    # The bits of the pixels ahead on the right and on the left.
+    ahead = ((1, 8), (2, 1), (4, 2), (8, 4))
+    way = np.empty(128, np.int64)
+    for d in range(4):
+        for pixels in range(32):
+            right, left = (pixels & bit > 0 for bit in ahead[d])
+            way[32 * d + pixels] = (d + (3 if right and left else 0 if right else 1)) % 4
+    return way, np.array((1, 1000, -1, -1000))[way]
+
+
+_WAYS, STEPS = _turns()
+
+
+@kernel
+def vertices_of(dark: Bytes) -> Bytes:
+    """(h, w) of each pixel's upper left vertex; 0 in the first row and column.
+
+    1, 2, 4 and 8 where the pixels to its lower right, lower left, upper left and upper right are ``dark`` (h, w).
+    """
+    out = np.zeros_like(dark)
+    for y in range(1, dark.shape[0]):
+        above, below, row = dark[y - 1], dark[y], out[y]
+        for x in range(1, row.size):
+            row[x] = below[x] | below[x - 1] << 1 | above[x - 1] << 2 | above[x] << 3
+    return out
+
+
+@inlined
+def follow(vertices: Bytes, steps: NDArray[np.int64], start: int, up: int, line: NDArray[np.int32]) -> int:
+    """Follow the outline up from vertex ``start``, ``up`` from one to the next: its length, 0 if it is too long.
+
+    ``vertices`` (height · width,) get `VISITED` added where the outline goes up, so that it is followed once;
+    ``steps`` (128,) are `STEPS` in them. Vertices go into ``line`` (k,) as far as there is room.
+    """
+    room, count, d, at, step = line.size, 0, 3, start, up
+    while True:
+        if count < room:
+            line[count] = at
+        count += 1
+        # Without a branch: nothing foresees an outline's turns.
+        vertices[np.uint64(at)] |= np.uint8((d == 3) << 4)
+        at += step
+        turn = np.uint64(d << 5 | vertices[np.uint64(at)])
+        step, d = steps[turn], _WAYS[turn]
+        if at == start and d == 3:
+            break
+    return count if count <= room else 0
+
+
+@kernel
+def unpack(line: NDArray[np.int32], count: int, width: int, points: NDArray[np.int32], box: NDArray[np.int64]) -> int:
+    """The vertices of ``line`` as ``points`` (k, 2) x, y, and the ``box`` about them; twice the area inside."""
+    box[0], box[1], box[2], box[3] = width, line.size, 0, 0
+    x, y, area2 = line[0] % width, line[0] // width, 0
+    for i in range(count):
+        points[i, 0], points[i, 1] = x, y
+        box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
+        step = line[(i + 1) % count] - line[i]
+        if abs(step) == 1:
+            area2 -= 2 * step * y
+            x += step
+        else:
+            y += 1 if step > 0 else -1
+    return area2
