@@ -15,7 +15,7 @@ from flightapp.perception.aruco import ArucoDetector
 from flightapp.track import Gate, GateShape, MarkerLayout, Start, Track
 
 FIRST_SEED = 1_000_000
-AT_ONCE = 10_000
+AT_ONCE = 5_000
 """Pictures between two reports."""
 MARGIN = 20.0
 """px about a decoy in which it is sought, as the map's predictions are."""
