@@ -33,8 +33,8 @@ What flight code shall do about it:
 | calibration_wrong           | flies on, off the gates' centres                                                       |
 | gate_missing                | searches for it, and lands when race.search_timeout is over: WRONG_PROGRESS            |
 | gate_moved                  | says so, learns the new place and flies through there                                  |
-| gates_swapped               | says so; searches for the one that is next, and flies through all in their order, or   |
-|                             | lands when race.search_timeout is over: WRONG_PROGRESS                                 |
+| gates_swapped               | says so as soon as one is seen in the other's place, takes the other to be in its own, |
+|                             | and flies through all in their order                                                   |
 """
 
 import math

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightapp.config import Estimation
-from flightapp.estimation.process import BIAS, DRIFT, POSITION, SCALE, SLIP, TILT, VELOCITY, YAW
+from flightapp.config import Estimation, GateMapping
+from flightapp.estimation.process import BIAS, CLIMB, DRIFT, MOUNT, POSITION, SCALE, SLIP, TILT, VELOCITY, YAW
 from flightapp.frames import Vector, quat_from_rotvec, quat_from_yaw, quat_multiply, quat_rotate, quat_yaw, wrap_angle
 from flightapp.messages import PoseSample
 
 FIRST_SPEED = 0.2
 """m/s, deviation of the velocity before the first correction."""
 FIRST_SLIP = 0.003
-"""m/s, deviation of the tracker's velocity error at rest."""
+"""m/s, deviation of the tracker's horizontal velocity error at rest."""
 MOVED = 0.02
 """m, least deviation of the position after a relocalisation."""
 MOVED_SHARE = 0.1
@@ -31,11 +31,14 @@ class Start:
     scale: float
     bias: float
     tilt: float
+    climb: float
+    mount: float
 
     @classmethod
-    def of(cls, e: Estimation) -> "Start":
+    def of(cls, e: Estimation, m: GateMapping) -> "Start":
         """As configured."""
-        return cls(e.start_position, e.start_yaw, e.scale_error, e.accelerometer_bias, e.tilt_error)
+        tracker = e.start_position, e.start_yaw, e.scale_error, e.accelerometer_bias, e.tilt_error, e.slip_up
+        return cls(*tracker, m.attitude_error)
 
 
 def begin(x: Vector, P: Vector, sample: PoseSample, start: Start) -> None:
@@ -43,13 +46,15 @@ def begin(x: Vector, P: Vector, sample: PoseSample, start: Start) -> None:
     for i in range(3):
         x[POSITION + i], x[VELOCITY + i] = sample.position[i], sample.velocity[i]
         P[VELOCITY + i, VELOCITY + i] = FIRST_SPEED**2
-        P[SLIP + i, SLIP + i] = FIRST_SLIP**2
         P[BIAS + i, BIAS + i] = start.bias**2
+        P[MOUNT + i, MOUNT + i] = start.mount**2
         for a in (POSITION, DRIFT):
             for b in (POSITION, DRIFT):
                 P[a + i, b + i] = start.position**2
     P[YAW, YAW], P[SCALE, SCALE] = start.yaw**2, start.scale**2
+    P[SLIP, SLIP] = P[SLIP + 1, SLIP + 1] = FIRST_SLIP**2
     P[TILT, TILT] = P[TILT + 1, TILT + 1] = start.tilt**2
+    P[CLIMB, CLIMB] = start.climb**2
     # The start's heading is off about the start itself, so a tracker that is elsewhere in its frame is off, too.
     _follow_position(P, sample.position)
 

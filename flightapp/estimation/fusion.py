@@ -1,9 +1,9 @@
 """Vehicle, tracker errors and gates estimated together.
 
-One error-state filter (`process`, `correction`) over the vehicle's motion, the tracker's drift, scale and velocity
-error, the accelerometer's bias and all gates, with their joint covariance, as in R. Smith, M. Self and P. Cheeseman,
-"Estimating uncertain spatial relationships in robotics" (1990). Sightings arrive late: the filter goes back to the
-exposure and repeats the steps since (`memory`).
+One error-state filter (`process`, `correction`, `sighting`) over the vehicle's motion, what is wrong with the tracker,
+with the accelerometer and with the camera's mount, and all gates, with their joint covariance, as in R. Smith,
+M. Self and P. Cheeseman, "Estimating uncertain spatial relationships in robotics" (1990). Sightings arrive late: the
+filter goes back to the exposure and repeats the steps since (`memory`).
 """
 
 import math
@@ -12,12 +12,12 @@ import numpy as np
 
 from flightapp.config import Config
 from flightapp.estimation.alignment import Start, begin, relocate
-from flightapp.estimation.correction import place, sighted, use_sighting
 from flightapp.estimation.imu import ImuMemory
 from flightapp.estimation.memory import StepMemory, coasted, pose_row
 from flightapp.estimation.output import STATE, describe, gates_from_vehicle
 from flightapp.estimation.process import ATTITUDE, CORE, DRIFT, GATE, POSITION, RATES, ROW, STAMP, YAW, attitude
 from flightapp.estimation.settings import POSE_GATE, process_settings
+from flightapp.estimation.sighting import more_upright, place, use_sighting
 from flightapp.frames import Vector
 from flightapp.mapping.absence import AbsenceWatch
 from flightapp.mapping.register import GateRegister, hypotheses, prior_state
@@ -35,14 +35,14 @@ from flightapp.track import Track
 
 AMBIGUITY = 4.0
 """χ² by which one of two poses must fit better for its yaw to be used."""
-GATE_FLOORS = (0.01, 0.005)
-"""m and rad, below which no gate is believed to be known: calibration errors do not average out."""
 LEAST_POSITION_ERROR = 0.005
-"""m, systematic error of a sighting at no distance."""
+"""m, of a sighting at no distance, that changes as the gate moves through the image."""
 LEAST_YAW_ERROR = 0.01
-"""rad, systematic error of a sighting's yaw."""
+"""rad, the same of a sighting's yaw."""
 MIRRORED_YAW = 0.5
 """rad, deviation of the yaw of a gate that was placed by a sighting with two explanations."""
+SWAPPED, SWAPPED_YAW = 0.3, 0.2
+"""m and rad, deviations of a gate from the place of another that is taken to be its own."""
 SILENCE = 0.02
 """s without a pose from which the filter coasts on the inertial sensors."""
 STEADY = 1.5
@@ -62,17 +62,18 @@ class FusionEstimator:
     def __init__(self, config: Config, track: Track) -> None:
         e, m = config.estimation, config.mapping
         self._coast, self._trusted = e.coast, (e.trusted_sigma, e.trusted_speed)
-        self._settings, self._start = process_settings(e, m), Start.of(e)
-        self._errors = np.array((m.attitude_error, m.range_error, m.sync_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
-        self._limits = np.array((m.gate, AMBIGUITY, *GATE_FLOORS))
+        self._settings, self._start = process_settings(e, m), Start.of(e, m)
+        self._errors = np.array((m.sync_error, m.range_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
+        self._limits = np.array((m.gate, AMBIGUITY))
         self._register = GateRegister(config, track)
-        size = CORE + GATE * len(self._register.ids)
+        size = CORE + GATE * len(self._register.gates)
         self._x, self._P = np.zeros(size), np.zeros((size, size))
         for i, gate in enumerate(track.passage):
             a = CORE + GATE * i
             self._x[a : a + GATE] = prior_state(gate)
-            if self._register.placed[i]:
-                self._P[range(a, a + GATE), range(a, a + GATE)] = np.square(self._register.deviations[i])
+            record = self._register.gates[i]
+            if record.placed:
+                self._P[range(a, a + GATE), range(a, a + GATE)] = np.square(record.deviations)
         self._memory, self._imu, self._watch = StepMemory(size), ImuMemory(), AbsenceWatch(config, track)
         self._epoch, self._version, self._unbelieved = 0, 0, 0
         self._posed = self._seen = -math.inf
@@ -137,8 +138,9 @@ class FusionEstimator:
         q_wb, lost = attitude(self._x, row[ATTITUDE : ATTITUDE + 4]), False
         for gate in self.gate_map(float(row[STAMP])).gates:
             i = register.index[gate.gate_id]
+            record = register.gates[i]
             if self._watch.look(gate, gate.gate_id in seen, self._x[:3], q_wb) and (
-                register.surveyed[i] or register.sightings[i]
+                record.surveyed or record.sightings
             ):
                 register.lost(i)
                 lost = True
@@ -151,34 +153,49 @@ class FusionEstimator:
         rows = hypotheses(sighting)
         if not all(map(math.isfinite, rows.flat)):
             return False
-        inflation = register.inflation(i, stamp)
-        if register.placed[i]:
+        inflation, record = register.inflation(i, stamp), register.gates[i]
+        if record.placed:
             verdict = use_sighting(self._x, self._P, at, row, rows, self._errors, inflation, self._limits, self._z)
+            if verdict > 0:
+                record.used(stamp)
             if verdict != 0:
-                if verdict > 0:
-                    register.used(i, stamp)
                 return verdict > 0
             anew = register.refused(i, stamp, self._x[POSITION : POSITION + 3] + self._z[:3])
         else:
-            self._upright(row, rows)
-            anew = register.found(i, self._x[POSITION : POSITION + 3] + self._z[:3])
+            more_upright(self._x, row, rows, self._errors, self._z)
+            anew = register.found(i, stamp, self._x[POSITION : POSITION + 3] + self._z[:3])
         if anew:
-            place(self._x, self._P, at, row, self._upright(row, rows), self._errors, inflation)
-            if len(rows) > 1:
-                self._P[at + 3, at + 3] += MIRRORED_YAW**2
-            register.placed_anew(i, stamp, self._x[at : at + 3])
+            self._place(i, rows, row, inflation)
         return anew
 
-    def _upright(self, row: Vector, rows: Vector) -> Vector:
-        """(43,) of the explanations ``rows`` (1 or 2, 43) of a sighting the one whose gate stands more upright."""
-        leans = [sighted(self._x, row, each, self._errors, 1.0, self._z, np.empty((4, 4))) for each in rows]
-        best: Vector = rows[int(np.argmin(leans))]
-        sighted(self._x, row, best, self._errors, 1.0, self._z, np.empty((4, 4)))
-        return best
+    def _place(self, i: int, rows: Vector, row: Vector, inflation: float) -> None:
+        """Put the gate ``i`` where its sighting ``rows`` (1 or 2, 43) shows it, and where it was the one it ousts."""
+        x, P, register, at = self._x, self._P, self._register, CORE + GATE * i
+        chosen = more_upright(x, row, rows, self._errors, self._z)
+        found, left = x[POSITION : POSITION + 3] + self._z[:3], x[at : at + 3].copy()
+        gates = x[CORE:].reshape(-1, GATE)
+        deviations = np.sqrt(P.diagonal()[CORE:].reshape(-1, GATE)[:, :2].max(axis=1))
+        ousted = register.ousted(i, found, gates[:, :3], deviations)
+        if ousted is not None:
+            self._take_place(CORE + GATE * ousted, at)
+        place(x, P, at, row, rows[chosen], self._errors, inflation)
+        if len(rows) > 1:
+            P[at + 3, at + 3] += MIRRORED_YAW**2
+        register.placed_anew(i, float(row[STAMP]), found, left)
+        if ousted is not None:
+            register.swapped(i, ousted)
+
+    def _take_place(self, to: int, at: int) -> None:
+        """Let the gate in the state at ``to`` stand about where the one at ``at`` does."""
+        x, P = self._x, self._P
+        x[to : to + GATE] = x[at : at + GATE]
+        P[to : to + GATE] = P[at : at + GATE]
+        P[:, to : to + GATE] = P[:, at : at + GATE]
+        P[range(to, to + GATE), range(to, to + GATE)] += np.square((SWAPPED, SWAPPED, SWAPPED, SWAPPED_YAW))
 
     def gate_map(self, stamp: float) -> GateMap:
         """The gates whose places are known, in order, and the tracker's drift, as they stand."""
-        covariances = np.empty((len(self._register.ids), GATE, GATE))
+        covariances = np.empty((len(self._register.gates), GATE, GATE))
         gates_from_vehicle(self._P, CORE, covariances)
         drift = self._P[DRIFT : YAW + 1, DRIFT : YAW + 1].copy()
         x, known = self._x[:CORE].copy(), float(self._memory.newest[STAMP]) if self._memory.count else stamp
@@ -187,24 +204,25 @@ class FusionEstimator:
 
     def places(self) -> tuple[GateEstimate, ...]:
         """The same gates with their covariances in the world, to be kept for another flight."""
-        n = len(self._register.ids)
+        n = len(self._register.gates)
         blocks = self._P[CORE:, CORE:].reshape(n, GATE, n, GATE)
         return self._gates(blocks[range(n), :, range(n)])
 
     def _gates(self, covariances: Vector) -> tuple[GateEstimate, ...]:
-        x, register = self._x.copy(), self._register
+        x = self._x.copy()
+        places = x[CORE:].reshape(-1, GATE)
         return tuple(
             GateEstimate(
-                gate_id,
-                x[at : at + 3],
-                float(x[at + 3]),
-                covariances[i],
-                register.sightings[i],
-                register.last_seen[i],
-                register.surveyed[i],
+                gate.gate_id,
+                place[:3],
+                float(place[3]),
+                covariance,
+                gate.sightings,
+                gate.last_seen,
+                gate.surveyed,
             )
-            for i, (gate_id, at) in enumerate(zip(register.ids, range(CORE, x.size, GATE), strict=True))
-            if register.placed[i]
+            for gate, place, covariance in zip(self._register.gates, places, covariances, strict=True)
+            if gate.placed
         )
 
     def take_notices(self) -> tuple[str, ...]:

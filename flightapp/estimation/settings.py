@@ -16,8 +16,8 @@ def process_settings(e: Estimation, m: GateMapping) -> Vector:
     s[at.ACCELEROMETER], s[at.MANOEUVRE], s[at.BIAS_WALK] = e.accelerometer_noise, e.manoeuvre, e.accelerometer_walk
     s[at.WALK], s[at.WALK_AT_REST] = e.drift_walk, e.drift_at_rest
     s[at.YAW_WALK], s[at.YAW_AT_REST] = e.yaw_walk, e.yaw_at_rest
-    s[at.SLIP_ACROSS], s[at.SLIP_UP], s[at.SLIP_TIME] = e.slip_across, e.slip_up, e.slip_time
-    s[at.SLIP_FADES] = e.slip_fades
+    s[at.SLIP_ACROSS], s[at.SLIP_TIME] = e.slip_across, e.slip_time
+    s[at.CLIMB_SIZE], s[at.CLIMB_TIME], s[at.CLIMB_FADES] = e.slip_up, e.slip_up_time, e.slip_fades
     s[at.TILT_SIZE], s[at.TILT_TIME] = e.tilt_error, e.tilt_time
     s[at.POSITION_NOISE], s[at.VELOCITY_NOISE] = e.position_noise, e.velocity_noise
     s[at.GATING], s[at.GATE_WALK] = POSE_GATE, m.gate_walk

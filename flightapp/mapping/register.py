@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,6 +25,46 @@ CONTRADICTIONS = 5
 """Refused sightings at one place amid good ones that mean that the same markers are at two places."""
 
 
+@dataclass(slots=True)
+class GateRecord:
+    """What the sightings of one gate told, and the vote of those that the map refused."""
+
+    gate_id: int
+    deviations: tuple[float, float, float, float]
+    """Of x, y, z (m) and yaw (rad) before the first sighting."""
+    placed: bool
+    surveyed: bool
+    sightings: int = 0
+    last_seen: float = -math.inf
+    votes: int = 0
+    voted: Vector = field(default_factory=lambda: np.zeros(3))
+    """(3,) m, the place that is voted on."""
+    voted_since: float = math.inf
+    contradictions: int = 0
+
+    def vote(self, stamp: float, place: Vector) -> bool:
+        """Count a sighting at ``place`` (3,); whether that is the one that is voted on."""
+        agrees = math.dist(place.tolist(), self.voted.tolist()) < AGREEMENT
+        if self.votes == 0:
+            self.voted_since = stamp
+        if agrees or self.votes == 0:
+            self.votes += 1
+            self.voted = place
+        else:
+            self.votes -= 1
+        return agrees
+
+    def used(self, stamp: float) -> None:
+        """A sighting of it was used."""
+        self.votes = 0
+        self.sightings += 1
+        self.last_seen = stamp
+
+    def doubted(self) -> None:
+        """It must be seen anew before it is known."""
+        self.surveyed, self.sightings, self.votes = False, 0, 0
+
+
 class GateRegister:
     """The gates of a track, by their place in the order of passage, with what their sightings told.
 
@@ -35,70 +76,78 @@ class GateRegister:
     """
 
     def __init__(self, config: Config, track: Track) -> None:
-        n = len(track.passage)
-        self.ids = tuple(gate.id for gate in track.passage)
-        self.index = {gate_id: i for i, gate_id in enumerate(self.ids)}
-        self.placed = [isinstance(gate, Gate) for gate in track.passage]
-        self.deviations = [prior_deviations(gate, track) for gate in track.passage]
-        """(4,) of x, y, z (m) and yaw (rad) of each gate before the first sighting."""
-        known = config.mapping.known_sigma
-        self.surveyed = [p and d[0] <= known for p, d in zip(self.placed, self.deviations, strict=True)]
-        self.sightings = [0] * n
-        self.last_seen = [-math.inf] * n
-        self._moved_after = config.mapping.moved_after
-        self._correlation_time = config.mapping.correlation_time
-        self._refused = [0] * n
-        self._refused_at = np.zeros((n, 3))
-        self._contradictions = [0] * n
+        m = config.mapping
+        self.gates = tuple(_record(gate, track, m.known_sigma) for gate in track.passage)
+        self.index = {gate.gate_id: i for i, gate in enumerate(self.gates)}
+        self._moved_after, self._correlation_time = m.moved_after, m.correlation_time
+        self._frame = track.gate.opening + 2.0 * track.gate.border
         self.notices: list[str] = []
         """What is worth telling, oldest first."""
 
     def inflation(self, i: int, stamp: float) -> float:
         """How many frames of the present rate count as one: errors of mount and calibration do not average out."""
-        return max(1.0, 2.0 * self._correlation_time / max(stamp - self.last_seen[i], 1e-3))
-
-    def used(self, i: int, stamp: float) -> None:
-        """A sighting of gate ``i`` was used."""
-        self._refused[i] = 0
-        self.sightings[i] += 1
-        self.last_seen[i] = stamp
+        return max(1.0, 2.0 * self._correlation_time / max(stamp - self.gates[i].last_seen, 1e-3))
 
     def refused(self, i: int, stamp: float, place: Vector) -> bool:
         """Count a sighting of gate ``i`` at ``place`` (3,), which the map refused; True where the gate has moved."""
-        agrees = self._vote(i, place)
-        if agrees and stamp - self.last_seen[i] < APART:
-            self._contradictions[i] += 1
-            if self._contradictions[i] == CONTRADICTIONS:
-                self.notices.append(f"gate {self.ids[i]} is seen at two places: are its markers there twice?")
-        few = self._moved_after if self.surveyed[i] else PLACED_AFTER + self.sightings[i]
-        return agrees and self._refused[i] >= min(few, self._moved_after)
+        gate = self.gates[i]
+        agrees = gate.vote(stamp, place)
+        if agrees and stamp - gate.last_seen < APART:
+            gate.contradictions += 1
+            if gate.contradictions == CONTRADICTIONS:
+                self.notices.append(f"gate {gate.gate_id} is seen at two places: are its markers there twice?")
+        few = self._moved_after if gate.surveyed else PLACED_AFTER + gate.sightings
+        return agrees and gate.votes >= min(few, self._moved_after)
 
-    def found(self, i: int, place: Vector) -> bool:
+    def found(self, i: int, stamp: float, place: Vector) -> bool:
         """Count a sighting at ``place`` (3,) of gate ``i``, which has no place yet; True where it can be believed."""
-        return self._vote(i, place) and self._refused[i] >= PLACED_AFTER
-
-    def _vote(self, i: int, place: Vector) -> bool:
-        """Whether ``place`` is the one that is voted on."""
-        agrees = math.dist(place.tolist(), self._refused_at[i].tolist()) < AGREEMENT
-        if agrees or self._refused[i] == 0:
-            self._refused[i] += 1
-            self._refused_at[i] = place
-        else:
-            self._refused[i] -= 1
-        return agrees
+        return self.gates[i].vote(stamp, place) and self.gates[i].votes >= PLACED_AFTER
 
     def lost(self, i: int) -> None:
-        """Gate ``i`` is not where it should be: it must be seen anew before it is known."""
-        self.notices.append(f"gate {self.ids[i]} should be in sight, but is not")
-        self.surveyed[i], self.sightings[i] = False, 0
+        """Gate ``i`` is not where it should be."""
+        self.notices.append(f"gate {self.gates[i].gate_id} should be in sight, but is not")
+        self.gates[i].doubted()
 
-    def placed_anew(self, i: int, stamp: float, place: Vector) -> None:
-        """Gate ``i`` is now at ``place`` (3,), whatever was known of it."""
-        what = "has moved to" if self.placed[i] else "was found at"
-        self.notices.append(f"gate {self.ids[i]} {what} ({place[0]:.1f}, {place[1]:.1f}, {place[2]:.1f})")
-        self.placed[i], self.surveyed[i] = True, False
-        self._refused[i], self.sightings[i], self._contradictions[i] = 0, 1, 0
-        self.last_seen[i] = stamp
+    def placed_anew(self, i: int, stamp: float, place: Vector, left: Vector) -> None:
+        """Gate ``i`` is now at ``place`` (3,), whatever was known of it; it was at ``left`` (3,) if anywhere."""
+        gate, way = self.gates[i], math.dist(place.tolist(), left.tolist())
+        if gate.placed and way < AGREEMENT:
+            what = f"is seen {way:.2f} m beside its place: is the camera calibrated well? It is taken to be at"
+        else:
+            what = "has moved to" if gate.placed else "was found at"
+        self.notices.append(f"gate {gate.gate_id} {what} ({place[0]:.1f}, {place[1]:.1f}, {place[2]:.1f})")
+        # Those that voted for the place are sightings of it: its frame is to be kept clear of at once.
+        gate.placed, gate.surveyed, gate.contradictions = True, False, 0
+        gate.sightings, gate.votes, gate.last_seen = max(gate.votes, 1), 0, stamp
+
+    def ousted(self, i: int, found: Vector, places: Vector, deviations: Vector) -> int | None:
+        """Which gate can no longer be where the map has it, as gate ``i`` was just ``found`` (3,) there; None for none.
+
+        ``places`` (n, 3) are those of the gates before, and ``deviations`` (n,) say how well these are known. Two
+        frames do not stand in one place, so a gate that is thought to be there, and was not seen there since gate ``i``
+        is, has most likely changed places with it.
+        """
+        if not self.gates[i].placed:
+            return None
+        away = np.linalg.norm(places - found, axis=1)
+        reach = np.minimum(np.maximum(self._frame, 2.0 * deviations), away[i])
+        fit = [
+            j
+            for j, gate in enumerate(self.gates)
+            if j != i and gate.placed and away[j] < reach[j] and gate.last_seen < self.gates[i].voted_since
+        ]
+        return min(fit, key=lambda j: float(away[j]), default=None)
+
+    def swapped(self, i: int, j: int) -> None:
+        """Gate ``j`` is taken to be where gate ``i`` was before it was placed anew."""
+        a, b = self.gates[i].gate_id, self.gates[j].gate_id
+        self.notices.append(f"gate {a} is where gate {b} was thought to be: they may have changed places")
+        self.gates[j].doubted()
+
+
+def _record(gate: MarkedGate, track: Track, known_sigma: float) -> GateRecord:
+    deviations, placed = prior_deviations(gate, track), isinstance(gate, Gate)
+    return GateRecord(gate.id, deviations, placed, placed and deviations[0] <= known_sigma)
 
 
 def prior_state(gate: MarkedGate) -> Vector:

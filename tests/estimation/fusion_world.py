@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flightapp.config import Config
+from flightapp.estimation.process import MEASURED
 from flightapp.frames import (
     GRAVITY,
     quat_conjugate,
@@ -54,7 +55,7 @@ class Circling:
     seed: int = 0
 
     def __post_init__(self):
-        e = self.config.estimation
+        e, m = self.config.estimation, self.config.mapping
         self.rng = np.random.default_rng(self.seed)
         draw = self.rng.standard_normal
         self.scale = e.scale_error * draw()
@@ -66,6 +67,8 @@ class Circling:
         self.stamp = 0.0
         start = self.motion(0.0)[0]
         self.drift = self.drift - self.yaw * np.cross((0.0, 0.0, 1.0), start)
+        self.climb = e.slip_up * draw()
+        self.mount = quat_from_rotvec(m.attitude_error * draw(3))
         self.epoch = 0
 
     def motion(self, t):
@@ -90,17 +93,15 @@ class Circling:
         p, v, a, q, w = self.motion(self.stamp)
         draw, speed = self.rng.standard_normal, float(np.linalg.norm(v))
         keep = np.exp(-dt / e.slip_time)
-        size = np.array((e.slip_across, e.slip_across, e.slip_across)) * speed + (
-            0.0,
-            0.0,
-            e.slip_up * np.exp(-self.flown / e.slip_fades) * speed**2,
-        )
+        noise = draw(3)
+        self.slip = keep * self.slip + e.slip_across * speed * np.sqrt(1.0 - keep**2) * noise
+        keep = np.exp(-dt / e.slip_up_time)
+        self.climb = keep * self.climb + e.slip_up * np.sqrt(1.0 - keep**2) * noise[2]
         self.flown += speed * dt
-        self.slip = keep * self.slip + size * np.sqrt(1.0 - keep**2) * draw(3)
+        self.slip[2] = self.climb * speed * min(speed, MEASURED) ** 2 * np.exp(-self.flown / e.slip_fades)
         turn = np.sqrt((e.yaw_walk**2 * speed + e.yaw_at_rest**2) * dt) * draw()
         walk = np.sqrt((e.drift_walk**2 * speed + e.drift_at_rest**2) * dt) * draw(3)
-        across = np.array((v[0], v[1], 0.0))
-        self.drift = self.drift + dt * (self.scale * across + self.slip) + walk
+        self.drift = self.drift + dt * (self.scale * v + self.slip) + walk
         self.drift = self.drift - turn * np.cross((0.0, 0.0, 1.0), p - self.drift)
         self.yaw += turn
         keep = np.exp(-dt / e.tilt_time)
@@ -112,7 +113,7 @@ class Circling:
             self.stamp,
             quat_rotate(back, p - self.drift) + e.position_noise * draw(3),
             quat_multiply(back, quat_multiply(upright, q)),
-            quat_rotate(back, v - self.scale * across - self.slip) + e.velocity_noise * draw(3),
+            quat_rotate(back, v - self.scale * v - self.slip) + e.velocity_noise * draw(3),
             w,
             3,
             epoch=self.epoch,
@@ -125,8 +126,10 @@ class Circling:
         """Of a gate, wherever the camera looks; ``gate`` where it is not where it should be."""
         x, y, z, yaw = gate or GATES[gate_id]
         p, _, _, q, _ = self.motion(stamp)
-        way = quat_rotate_inverse(q, np.array((x, y, z)) - p) + sigma * self.rng.standard_normal(3)
+        way = quat_rotate_inverse(self.mount, quat_rotate_inverse(q, np.array((x, y, z)) - p))
+        way = way + sigma * self.rng.standard_normal(3)
         turned = quat_multiply(quat_conjugate(q), quat_from_yaw(yaw + sigma_yaw * self.rng.standard_normal()))
+        turned = quat_multiply(quat_conjugate(self.mount), turned)
         covariance = np.diag([sigma**2] * 3 + [1e-6, 1e-6, sigma_yaw**2])
         return GateSighting(stamp, gate_id, way, turned, covariance, None, 4, 0.2)
 

@@ -12,6 +12,10 @@ WHITE = Config(
     mapping=GateMapping(attitude_error=0.0, range_error=0.0, sync_error=0.0, correlation_time=0.0, gate=100.0)
 )
 """Sightings whose errors are all their own."""
+TURNED = Config(
+    mapping=GateMapping(attitude_error=0.01, range_error=0.0, sync_error=0.0, correlation_time=0.0, gate=100.0)
+)
+"""Sightings by a camera that is mounted a little otherwise than is believed."""
 
 
 def flown(world, estimator, seconds, frames=6, gates=(), late=0.03, imu=True):
@@ -41,18 +45,19 @@ def test_without_gates_the_state_follows_the_tracker():
         assert state.doubt == ""
 
 
-def test_errors_are_as_large_as_the_filter_says():
+@pytest.mark.parametrize("config", [WHITE, TURNED], ids=["perfect mount", "wrong mount"])
+def test_errors_are_as_large_as_the_filter_says(config):
     """NEES of position and velocity, with gates of 3 m priors, over flights drawn from the filter's own model."""
     runs, totals = 60, []
     for seed in range(runs):
-        world = Circling(WHITE, seed)
+        world = Circling(config, seed)
         draw = np.random.default_rng(1000 + seed)
         angle, radius = draw.uniform(0.0, 2.0 * np.pi, 3), 3.0 * np.sqrt(draw.uniform(size=3))
         offsets = {
             i: np.array((r * np.cos(a), r * np.sin(a), draw.uniform(-0.5, 0.5)))
             for i, a, r in zip(GATES, angle, radius, strict=True)
         }
-        estimator = FusionEstimator(WHITE, a_track(offsets))
+        estimator = FusionEstimator(config, a_track(offsets))
         state = flown(world, estimator, 4.0, gates=(1, 2, 3))[-1]
         p, v, *_ = world.motion(state.stamp)
         e = np.concatenate((state.position - p, state.velocity - v))
@@ -294,3 +299,33 @@ def test_a_gate_that_is_no_longer_in_sight_must_be_seen_anew():
         known = estimator.gate_map(stamp).gates[0].sightings
         assert (known > 0) == (6 <= count < 320) or count < 6 or 310 < count < 330
     assert estimator.take_notices() == ("gate 1 should be in sight, but is not",)
+
+
+def test_gates_that_have_changed_places_change_them_in_the_map():
+    """One of them is seen first; where the other is follows from that, and its own sightings agree."""
+    world, estimator = Circling(seed=18), FusionEstimator(Config(), a_track())
+    flown(world, estimator, 2.0, gates=(1, 2, 3))
+    changed = []
+    while not any(changed):
+        flown(world, estimator, 0.03)
+        changed.append(estimator.on_sightings(world.seen(world.stamp - 0.02, (1,), gate=GATES[2])))
+        assert len(changed) < 30
+    assert len(changed) > 10
+    gates = {gate.gate_id: gate for gate in estimator.gate_map(0.0).gates}
+    for gate_id, elsewhere in ((1, 2), (2, 1)):
+        assert np.linalg.norm(gates[gate_id].position - GATES[elsewhere][:3]) < 0.3
+    assert (gates[2].sightings, gates[2].surveyed) == (0, False)
+    assert np.linalg.norm(gates[3].position - GATES[3][:3]) < 0.15
+    for _ in range(10):
+        flown(world, estimator, 0.03)
+        assert estimator.on_sightings(world.seen(world.stamp - 0.02, (2,), gate=GATES[1]))
+    gates = {gate.gate_id: gate for gate in estimator.gate_map(0.0).gates}
+    assert gates[2].sightings == 10
+    assert np.linalg.norm(gates[2].position - GATES[1][:3]) < 0.15
+    assert abs(gates[2].yaw - GATES[1][3]) < 0.1
+    notices = estimator.take_notices()
+    assert any("gate 1 is where gate 2 was thought to be" in notice for notice in notices)
+    assert not any("gate 2 has moved" in notice for notice in notices)
+    covariance = estimator._P
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-12)
+    assert np.linalg.eigvalsh(covariance).min() > 0.0

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from flightapp.config import Config
 from flightapp.estimation import process as at
-from flightapp.estimation.correction import _derivative, _innovation, correct, place, sighted, use_pose
+from flightapp.estimation.correction import correct, use_pose
 from flightapp.estimation.process import CORE, GATE, attitude, predict
 from flightapp.estimation.settings import process_settings
+from flightapp.estimation.sighting import SEEN, _derivative, _innovation, place, sighted
 from flightapp.frames import GRAVITY, quat_from_euler, quat_from_rotvec, quat_multiply, quat_to_rotvec
 
 SIZE = CORE + 2 * GATE
@@ -19,7 +20,7 @@ SETTINGS = process_settings(Config().estimation, Config().mapping)
 QUIET = SETTINGS.copy()
 for noise in (at.ACCELEROMETER, at.MANOEUVRE, at.BIAS_WALK, at.WALK, at.WALK_AT_REST, at.YAW_WALK, at.YAW_AT_REST):
     QUIET[noise] = 0.0
-for noise in (at.SLIP_ACROSS, at.SLIP_UP, at.TILT_SIZE):
+for noise in (at.SLIP_ACROSS, at.CLIMB_SIZE, at.TILT_SIZE):
     QUIET[noise] = 0.0
 STEP = 1e-6
 
@@ -40,6 +41,8 @@ def a_state(rng):
     x[at.VELOCITY : at.VELOCITY + 2] += 3.0
     x[at.SCALE] = rng.normal(0.0, 0.03)
     x[at.TILT : at.TILT + 2] = 0.0
+    x[at.CLIMB] = rng.normal(0.0, 0.03)
+    x[at.MOUNT : at.MOUNT + 3] = 0.0
     return x
 
 
@@ -112,16 +115,16 @@ def test_a_sightings_derivative(seed):
     sighting = np.concatenate((rng.normal(0.0, 4.0, 3), quat_from_euler(0.0, 0.0, 0.4), 1e-4 * np.eye(6).ravel()))
     # The gate's own lean would mix with the tilt's error in its yaw, which the model leaves out: it is upright.
     row[at.ATTITUDE : at.ATTITUDE + 4] = quat_from_euler(0.0, 0.0, rng.uniform(-3.0, 3.0))
-    errors, at_gate = np.zeros(5), CORE + GATE
+    errors, at_gate = np.zeros(4), CORE + GATE
 
     def innovation(y):
         z, R = np.empty(4), np.empty((4, 4))
         sighted(y, row, sighting, errors, 1.0, z, R)
         return _innovation(y, at_gate, z)
 
-    z, H, columns = np.empty(4), np.empty((4, 10)), np.empty(10, np.int64)
+    z, H, columns = np.empty(4), np.empty((4, SEEN)), np.empty(SEEN, np.int64)
     sighted(x, row, sighting, errors, 1.0, z, np.empty((4, 4)))
-    _derivative(at_gate, z, H, columns)
+    _derivative(x, row, at_gate, z, H, columns)
     for k, i in enumerate(columns):
         slope = (innovation(moved(x, i, STEP)) - innovation(moved(x, i, -STEP))) / (2.0 * STEP)
         np.testing.assert_allclose(-slope, H[:, k], atol=1e-6)
@@ -166,7 +169,7 @@ def test_a_placed_gate_is_as_uncertain_as_vehicle_and_sighting_together():
     row[at.ATTITUDE : at.ATTITUDE + 4] = (1.0, 0.0, 0.0, 0.0)
     sighting = np.concatenate((position, (1.0, 0.0, 0.0, 0.0), C.ravel()))
     y, Q = x.copy(), P.copy()
-    place(y, Q, at_gate, row, sighting, np.zeros(5), 1.0)
+    place(y, Q, at_gate, row, sighting, np.zeros(4), 1.0)
     draws = []
     for error, seen in zip(
         rng.multivariate_normal(np.zeros(SIZE), P, 20_000), rng.multivariate_normal(np.zeros(6), C, 20_000), strict=True

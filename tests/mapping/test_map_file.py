@@ -33,11 +33,11 @@ def test_a_map_says_of_each_gate_how_well_it_is_known(tmp_path):
     assert found.gates[0].yaw == pytest.approx(0.2)
     assert found.gates[1] == TRACK.gates[1]
     register = GateRegister(Config(), found)
-    assert register.deviations[0] == pytest.approx((0.2, 0.2, 0.05, 0.02))
-    assert register.deviations[1] == pytest.approx(
+    assert register.gates[0].deviations == pytest.approx((0.2, 0.2, 0.05, 0.02))
+    assert register.gates[1].deviations == pytest.approx(
         (1.5, 1.5, 0.5 / math.sqrt(3.0), math.radians(10.0) / math.sqrt(3.0))
     )
-    assert register.surveyed == [True, False]
+    assert [gate.surveyed for gate in register.gates] == [True, False]
 
 
 def test_gates_that_were_unknown_are_known_after_they_were_found(tmp_path):
