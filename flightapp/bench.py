@@ -24,7 +24,7 @@ from flightapp.estimation.fusion import FusionEstimator
 from flightapp.evaluation.growth import wavy_course
 from flightapp.evaluation.paper import profiling_times
 from flightapp.evaluation.plan_table import yardsticks
-from flightapp.frames import GRAVITY, Vector, quat_from_yaw, quat_to_matrix
+from flightapp.frames import GRAVITY, quat_from_yaw, quat_to_matrix
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Limits, Motion, PlanRequest
 from flightapp.messages import (
