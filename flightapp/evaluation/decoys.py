@@ -252,9 +252,9 @@ def _exposed(canvas: Floats, generator: np.random.Generator) -> Image:
     canvas = light
     blur = generator.uniform(0.0, 6.0)
     if generator.random() < 0.5:
-        canvas = cv2.filter2D(canvas, -1, streak(blur, generator.uniform(0.0, np.pi)))
+        canvas = np.asarray(cv2.filter2D(canvas, -1, streak(blur, generator.uniform(0.0, np.pi))), np.float32)
     elif blur > 0.2:
-        canvas = cv2.GaussianBlur(canvas, (0, 0), 0.5 * blur)
+        canvas = np.asarray(cv2.GaussianBlur(canvas, (0, 0), 0.5 * blur), np.float32)
     dx, dy = generator.integers(0, 256, 2)
     canvas += np.float32(generator.uniform(1.0, 8.0)) * _noise()[dy : dy + height, dx : dx + width]
     image = np.asarray(cv2.convertScaleAbs(np.maximum(canvas, 0.0)), np.uint8)

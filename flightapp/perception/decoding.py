@@ -182,7 +182,8 @@ def _likeliest_flip(left: Vector, code: Vector, weights: Vector) -> float:
             seen = weights[1] * left[i, j] + across * (left[i, j - 1] + left[i, j + 1])
             seen += down * (left[i - 1, j] + left[i + 1, j])
             most = max(most, (1.0 - 2.0 * code[i, j]) * seen)
-    return most / energy
+    share: float = most / energy
+    return share
 
 
 @kernel

@@ -39,7 +39,8 @@ def _with(**conditions: float) -> Effect:
 
 EFFECTS = {
     "good": GOOD,
-    "near": _with(size=140.0),
+    "near": _with(size=110.0),
+    "covered in part": _with(size=140.0),
     "small": _with(size=22.0),
     "slanted by 60°": _with(slant=np.radians(60.0), tilt=0.0),
     "slanted by 70°": _with(size=60.0, slant=np.radians(70.0), tilt=0.0),
