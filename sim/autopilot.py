@@ -50,7 +50,7 @@ class SimAutopilot:
         self.notices: Topic[Event] = Topic("notice")
         self.imu: Topic[ImuSample] = Topic("imu")
         self._time = time
-        self._thrust = ThrustMap(config.vehicle.hover_thrust, config.vehicle.thrust_curve)
+        self._thrust = ThrustMap.of(config.vehicle)
         self._next_status = plant.time
         self._published = (-1, False)
         self._next_pose = plant.time
@@ -149,5 +149,6 @@ class SimAutopilot:
         now, px4 = self._time(), self.px4
         self._next_status = now + STATUS_PERIOD
         self._published = (px4.changes, px4.ready)
+        self._thrust.observe_voltage(px4.voltage, now)
         mode = MODES[px4.nav_state]
         self.status.publish(AutopilotStatus(now, mode, px4.armed, px4.on_ground, px4.ready, px4.voltage, px4.battery))

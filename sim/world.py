@@ -12,18 +12,18 @@ from flightapp.messages import Collision, GatePassage, GroundTruth
 from flightapp.track import Track
 from sim.autopilot import SimAutopilot
 from sim.imu import Imu
+from sim.mismatch import mismatched
 from sim.plant import Plant
 from sim.referee import Referee
 from sim.survey import true_gates
-from sim.vehicles import load_vehicle
 
 
 class World:
     """Physics, autopilot and referee, advanced together to whatever time it has become."""
 
     def __init__(self, config: Config, track: Track, seed: np.random.SeedSequence, time: Callable[[], float]) -> None:
-        vehicle = load_vehicle(config.sim.vehicle)
-        plant_seed, autopilot_seed, imu_seed = (int(child.generate_state(1)[0]) for child in seed.spawn(3))
+        plant_seed, autopilot_seed, imu_seed, mismatch_seed = (int(s.generate_state(1)[0]) for s in seed.spawn(4))
+        vehicle = mismatched(config.sim, mismatch_seed)
         self.plant = Plant(
             vehicle,
             plant_seed,

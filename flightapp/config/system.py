@@ -46,6 +46,7 @@ class Compute(Section):
 
     detection: Finite = Field(0.015, ge=0.0, le=2.0, description="s per frame (paper's laptop: 0.015, Jetson: 0.094)")
     plan: Finite = Field(0.002, ge=0.0, le=5.0, description="s per plan (paper: 0.014 to 1.0)")
+    reload: Finite = Field(0.01, ge=0.0, le=2.0, description="s to read the configuration anew in flight")
 
 
 class Recording(Section):
@@ -65,6 +66,20 @@ class Simulation(Section):
     wind: Finite = Field(0.0, ge=0.0, le=15.0, description="m/s, mean wind")
     gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")
     step: Finite = Field(0.001, gt=0.0, le=0.001, description="s, integration step")
+    mass_factor: Finite = Field(
+        1.0, ge=0.5, le=2.0, description="of the vehicle's mass; its file still knows the old one"
+    )
+    thrust_factor: Finite = Field(1.0, ge=0.5, le=2.0, description="of its rotors' thrust")
+    drag_factor: Finite = Field(1.0, ge=0.0, le=5.0, description="of its drag")
+    motor_factor: Finite = Field(1.0, ge=0.1, le=5.0, description="of its motors' time constants")
+    delay_extra: Finite = Field(0.0, ge=-0.1, le=0.1, description="s, more delay until a command takes effect")
+    mismatch: Finite = Field(
+        0.0,
+        ge=0.0,
+        le=3.0,
+        description="draw all of these besides, from the seed; 1: mass and thrust ± 10 %, drag × 0.5 to 2,"
+        " motors ± 30 %, delay ± 10 ms",
+    )
     faults: tuple[tuple[Finite, str, Finite | str], ...] = Field(
         (),
         description="(s of the flight's clock, fault, value): sim/sensor_faults.py; over MAVLink sim/mavlink/faults.py",
