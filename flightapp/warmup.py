@@ -37,6 +37,7 @@ def warm_up(config: Config, track: Track, spare: Modules) -> None:
     limits = Limits(config.race.v_max, config.race.a_max, config.vehicle.yaw_rate_max)
     request = PlanRequest(0.1, start, (gate,), 2.0 * AHEAD, limits)
     trajectory = spare.planner.plan(request)
+    trajectory.limits()
     in_flight = trajectory.setpoint(0.2)
     moving = Motion(in_flight.position, in_flight.velocity, in_flight.acceleration, in_flight.jerk, 0.0, 0.0)
     with contextlib.suppress(PlanningError):

@@ -1,4 +1,4 @@
-"""Flying along a line: hover, go to a point, follow waypoints."""
+"""Flying along a line: hover, go to a point, follow waypoints, sway on the spot."""
 
 import asyncio
 import itertools
@@ -10,9 +10,15 @@ from flightapp.channel import Reader
 from flightapp.frames import Vector
 from flightapp.messages import Outcome
 from flightapp.planning.goal import Goal
+from flightapp.planning.sway import Sway, sway, within
 
 ARRIVED = 0.5
 """m from the end of the line within which a flight along it has arrived."""
+
+SETTLING = 10.0
+"""s, longest wait for rest before swaying."""
+WATCH_INTERVAL = 0.02
+"""s between looks at the line."""
 
 _serials = itertools.count(1)
 
@@ -75,3 +81,33 @@ class Goto(Follow):
 
     def __init__(self, context: Context, point: Vector, timeout: float) -> None:
         super().__init__(context, np.asarray(point, float).reshape(1, 3), timeout)
+
+
+class Swaying(Behavior):
+    """Sway about where the line ends, no more than the vehicle's limits allow."""
+
+    name = "sway"
+
+    def __init__(self, context: Context, way: Sway) -> None:
+        super().__init__(context, way.seconds + SETTLING)
+        config = context.config
+        share = config.planning.thrust_share * config.vehicle.thrust_max
+        self._way = within(way, context.limits, share, config.planning.rate_share * config.vehicle.rate_max)
+
+    async def run(self) -> Result:
+        """Come to rest, then sway to the end."""
+        context, line = self.context, self.context.line
+        while not line.at_rest(context.now()):
+            if line.latest is None:
+                return Result(Outcome.PROCESS_FAILURE, "the line was given up")
+            await asyncio.sleep(WATCH_INTERVAL)
+        now = context.now()
+        here = line.motion(now)
+        swaying = sway(now, here.position, here.yaw, self._way)
+        line.accept(swaying)
+        context.bus.trajectory.publish(swaying)
+        while not line.at_rest(context.now()):
+            if line.latest is None:
+                return Result(Outcome.PROCESS_FAILURE, "the line was given up")
+            await asyncio.sleep(WATCH_INTERVAL)
+        return Result(Outcome.GOAL_ACHIEVED, f"swayed for {self._way.seconds:g} s")

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from flightapp.behaviors.base import Behavior, Context, Coordinator, Result
-from flightapp.behaviors.motion import Follow, Goto, Hover
+from flightapp.behaviors.motion import Follow, Goto, Hover, Swaying
 from flightapp.behaviors.race import Race
 from flightapp.behaviors.vertical import Land, Takeoff
 from flightapp.frames import Vector
+from flightapp.planning.sway import Sway, Tones
 from flightapp.track import Track
 
 
@@ -61,6 +62,12 @@ class Drone:
             waypoints = [*self.track.waypoints, *([self.track.finish] if self.track.finish else [])]
         points = np.array(waypoints, float)
         return await self._run(Follow(self._context, points, self._context.config.race.timeout))
+
+    async def sway(
+        self, seconds: float, ahead: Tones = (), left: Tones = (), up: Tones = (), turn: Tones = ()
+    ) -> Result:
+        """Sway on the spot: tones of (m, or rad of the heading; Hz), smaller where a limit asks for it."""
+        return await self._run(Swaying(self._context, Sway(seconds, ahead, left, up, turn)))
 
     async def race(self, laps: int | None = None) -> Result:
         """Fly through the track's gates in order, then to the finish (default: where the race starts)."""
