@@ -8,6 +8,7 @@ import time
 from collections.abc import Awaitable, Callable, Coroutine
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from flightapp.realtime import RealtimeSession, describe, undisturbed
 from flightapp.recording.applog import AppLog
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
+from flightapp.retuning import Retuner, hangups
 from flightapp.timing import KernelTicker, Ticker
 from flightapp.track import Track
 from flightapp.warmup import warm_up
@@ -100,7 +102,8 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         entries = {"outcome": Outcome.PROCESS_FAILURE.value, "reason": "not started"}
         try:
             with AppLog(plan.out / "app.log") as app_log, _ticker(config, plan.realtime) as ticker:
-                flight = _wire(mission, config, rig, recorder, app_log, ticker, watch, plan.out)
+                load = partial(load_config, plan.vehicle, mission.settings, plan.overrides)
+                flight = _wire(mission, config, load, rig, recorder, app_log, ticker, watch, plan.out)
                 begin, wall = tasks.now(), time.perf_counter()
                 with undisturbed(), session if plan.realtime else nullcontext():
                     ending = await flight.run(session if plan.realtime else None)
@@ -130,6 +133,7 @@ class _Flight:
 def _wire(
     mission: MissionFile,
     config: Config,
+    load: Callable[[], Config],
     rig: Rig,
     recorder: Recorder,
     app_log: AppLog,
@@ -138,7 +142,7 @@ def _wire(
     out: Path,
 ) -> _Flight:
     """Connect everything."""
-    bus, line = Bus(), Line()
+    bus, line, retune = Bus(), Line(), asyncio.Event()
     _record(recorder, bus, rig, config)
     bus.event.tap(app_log.write)
     bus.fault.tap(bus.event.publish)
@@ -160,12 +164,14 @@ def _wire(
             "planning": tasks.planning(rig, bus, modules, config, line),
             "control": tasks.control(rig, bus, modules, line, ticker),
             "health": tasks.health(rig, bus, config, line),
+            "tuning": tasks.tuning(rig, bus, Retuner(config, modules.controller, load), retune),
         }
         if session is not None:
             work["load"] = tasks.load(bus)
             bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
         try:
-            return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
+            with hangups(retune):
+                return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
         finally:
             if track := mapped(known, modules.estimator.places()):
                 write_map(out / "map.toml", track)

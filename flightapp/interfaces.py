@@ -7,9 +7,10 @@ autopilot, the survey of the track and the worker that pays for computation.
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from flightapp.channel import Topic
+from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.messages import (
     AutopilotStatus,
@@ -148,6 +149,15 @@ class Controller(Protocol):
 
     def command(self, stamp: float, state: VehicleState, trajectory: Trajectory) -> RateCommand:
         """Body rates and specific force to send at ``stamp``, from the newest ``state``."""
+        ...
+
+
+@runtime_checkable
+class Tunable(Protocol):
+    """A controller whose gains may change in flight."""
+
+    def retune(self, config: Config) -> None:
+        """Go on with the control section of ``config``: all of it from the next command on, and nothing forgotten."""
         ...
 
 

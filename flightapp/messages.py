@@ -251,7 +251,7 @@ class Event:
 
     stamp: float
     kind: str
-    """One of: phase, behavior, fault, plan, gate, poses, camera, realtime, referee, autopilot, guard."""
+    """One of: phase, behavior, fault, plan, gate, poses, camera, realtime, referee, autopilot, guard, tuning."""
     text: str
 
 

@@ -15,6 +15,7 @@ from flightapp.channel import Reader
 from flightapp.config import Config
 from flightapp.estimation.recent import RecentStates
 from flightapp.frames import Vector
+from flightapp.inputs import BadInputError
 from flightapp.interfaces import Controller, Detector, Estimator, Planner, PlanningError, PlanRequest, Rig
 from flightapp.messages import Event, Frame, PlanReport, ProcessLoad, RateCommand, Sightings, VehicleState
 from flightapp.perception.gate_pose import GatePoseSolver
@@ -24,6 +25,7 @@ from flightapp.planning.goal import Goal
 from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
 from flightapp.realtime import resident
+from flightapp.retuning import Retuner
 from flightapp.sensors.frames import FrameIntake
 from flightapp.timing import Ticker
 from flightapp.track import Track
@@ -224,6 +226,19 @@ def _command(
         return guard.check(wanted, now(), status.latest)
     except GuardTrippedError as error:
         return guard.hold(error, now(), status.latest, state)
+
+
+async def tuning(rig: Rig, bus: Bus, retuner: Retuner, asked: asyncio.Event) -> None:
+    """When asked: the configuration, read anew → the controller, if all of it may change in flight."""
+    while True:
+        await asked.wait()
+        asked.clear()
+        try:
+            config = await rig.worker.run("reload", retuner.load)
+            text = f"retuned: {retuner.apply(config)}"
+        except BadInputError as error:
+            text = f"not retuned: {error}"
+        bus.event.publish(Event(now(), "tuning", text))
 
 
 async def load(bus: Bus) -> None:

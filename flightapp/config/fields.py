@@ -1,6 +1,6 @@
 """What all sections share."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -13,3 +13,5 @@ class Section(BaseModel):
     """A table of the configuration file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True)
+    FIXED_IN_FLIGHT: ClassVar[frozenset[str] | None] = None
+    """Fields that must not change in flight, where the others may; None where none may."""

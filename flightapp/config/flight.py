@@ -1,6 +1,6 @@
 """How to fly: plans, control, the race, and when to stop."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, field_validator
 
@@ -55,7 +55,9 @@ Term = Literal[
 
 
 class Control(Section):
-    """Trajectory tracking."""
+    """Trajectory tracking; gains and bounds may change in flight."""
+
+    FIXED_IN_FLIGHT: ClassVar[frozenset[str] | None] = frozenset({"controller", "rate"})
 
     controller: str = Field("flatness", description="entry point in flightapp.controllers")
     rate: Finite = Field(250.0, ge=20.0, le=1000.0, description="Hz")

@@ -226,6 +226,10 @@ class FlatnessController:
         """Forget the commands sent and the disturbances learnt, at the start of a new flight."""
         forget(self._memory)
 
+    def retune(self, config: Config) -> None:
+        """Go on with the gains of ``config``, remembering the commands sent and the disturbances learnt."""
+        self._parameters = np.array(parameters_of(config))
+
     @property
     def push(self) -> float:
         """m/s², the steady horizontal push that it has learnt to lean against."""
