@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from datetime import date
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ import cv2
 import typer
 from rich.console import Console
 
-from flightapp import app, display, plan_command, results
+from flightapp import app, display, identify_command, plan_command, results, tune_command
 from flightapp.autopilot.diagnosis import Light, diagnosis_json, diagnosis_tables
 from flightapp.autopilot.doctor import Change, Confirm, visit
 from flightapp.autopilot.link import Px4Link
@@ -139,6 +140,51 @@ def check(
             print(dump_config(load_config(file, None, overrides or ())))
     if not files:
         print(dump_config(load_config(None, None, overrides or ())))
+
+
+@cli.command()
+def identify(
+    runs: Annotated[list[Path], typer.Argument(help="run directories or flight.mcap files of missions/identify.py")],
+    vehicle: Annotated[
+        Path | None, typer.Option("--vehicle", help="file to begin from; default: what the first flight flew with")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="vehicle file to write")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Find the vehicle's parameters in flight logs: thrust, lags, delay, drag."""
+    found = identify_command.identify_runs(runs, vehicle)
+    console.print(identify_command.findings_table(found))
+    results.write_json(json_file, identify_command.findings_json(found))
+    if out is not None:
+        names = ", ".join(run.name for run in runs)
+        identify_command.write_vehicle(out, identify_command.vehicle_text(found, vehicle, names, date.today()))
+
+
+@cli.command()
+def tune(
+    vehicle: Annotated[Path, typer.Argument(help="vehicle file, such as config/sim_racer.toml")],
+    mission: Annotated[Path, typer.Option(help="whose track is flown")] = Path("missions/lemniscate.py"),
+    runs: Annotated[int, typer.Option(min=1, help="how many vehicles are drawn")] = 50,
+    first_seed: Annotated[int, typer.Option(min=0, help="seed of the first; the others count up")] = 0,
+    search: Annotated[int, typer.Option(min=0, help="seek better gains, trying about so many sets")] = 0,
+    overrides: Overrides = None,
+    out: Annotated[Path | None, typer.Option(help="vehicle file to write, with the gains that were found")] = None,
+    json_file: JsonFile = None,
+) -> None:
+    """Score a vehicle file over simulated vehicles that are not quite what it says; exit status 1 if one is lost."""
+    if out is not None and search == 0:
+        raise BadInputError("--out takes the gains that --search N finds; give both")
+    options = tune_command.TuneOptions(vehicle, mission, runs, first_seed, tuple(overrides or ()), search)
+    with console.status("flying"):
+        tuned = tune_command.tune(options)
+    console.print(*tune_command.tuned_tables(tuned), sep="\n")
+    results.write_json(json_file, tune_command.tuned_json(tuned))
+    if search and not tuned.improved:
+        console.print("nothing better was found", highlight=False)
+    elif out is not None:
+        tune_command.write_gains(tuned, out)
+        console.print(f"written: {out}", highlight=False, soft_wrap=True)
+    raise typer.Exit(1 if tuned.score.lost else 0)
 
 
 @cli.command()

@@ -64,6 +64,13 @@ def plan_track(options: PlanOptions) -> Planned:
     return Planned(trajectory, request, track, config, name, first, again)
 
 
+def line_along(track: Track, config: Config) -> Trajectory:
+    """The line that ``config`` plans along ``track``; raises `BadInputError` and `PlanningError`."""
+    limits = Limits(config.race.v_max, config.race.a_max, config.vehicle.yaw_rate_max)
+    request, waypoints = _request(track, config, limits, config.mission.laps)
+    return _timed(find("planners", config.planning.planner)(config), request, waypoints)[0]
+
+
 def touch_of(planned: Planned) -> Touch | None:
     """The first obstacle or frame that the plan comes too close to; None where there is none."""
     request = planned.request

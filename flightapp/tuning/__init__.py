@@ -1,0 +1,1 @@
+"""How good a vehicle file is, and how it could be better."""
