@@ -29,7 +29,8 @@ def limited(p: Parameters, force: Triple, vertical: float) -> tuple[Triple, floa
     if p.tilt_cotangent > 0.0:
         z = max(z, vertical)
     across = x * x + y * y
-    most = p.thrust_max * p.thrust_max - z * z
+    # Both squares rounded in other ways must not leave less than nothing.
+    most = max(p.thrust_max * p.thrust_max - z * z, 0.0)
     if p.tilt_cotangent > 0.0:
         most = min(most, (z / p.tilt_cotangent) ** 2)
     share = 1.0

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from numba.core.runtime import _nrt_python, rtsys
 
 from flightapp.config import Config
+from flightapp.control import layout as at
+from flightapp.control.attitude import limited
 from flightapp.control.flatness import ControllerError, FlatnessController, control_memory, flatness_command
 from flightapp.control.parameters import parameters_of
 from flightapp.messages import VehicleState
@@ -73,6 +75,25 @@ def test_a_trajectory_that_is_not_finite_is_refused_and_the_next_one_flown(part)
     with pytest.raises(ControllerError, match="trajectory"):
         CONTROLLER.command(0.0, state(), replace(good, **{part: broken}))
     assert np.isfinite(CONTROLLER.command(0.0, state(), good).thrust)
+
+
+@given(st.floats(11.0, 80.0), triples(100.0))
+def test_no_thrust_limit_leaves_less_than_nothing_across(most, force):
+    parameters = parameters_of(CONFIG)._replace(thrust_max=most)
+    kept, share = limited(parameters, (force[0], force[1], 2.0 * most), 1.0)
+    assert 0.0 <= share <= 1.0
+    assert np.linalg.norm(kept) <= most * (1.0 + 1e-12)
+
+
+def test_numbers_that_turn_out_not_finite_are_not_remembered():
+    m = control_memory(parameters_of(CONFIG), hover(0.0, np.array([0.0, 0.0, 1.0]), 0.0))
+    flatness_command(m)
+    count = m[at.COUNT]
+    m[at.LINE + 2] = np.nan
+    assert np.isnan(flatness_command(m))
+    assert m[at.COUNT] == count
+    m[at.LINE + 2] = 0.0
+    assert np.isfinite(flatness_command(m))
 
 
 def test_a_refused_state_leaves_no_trace():
