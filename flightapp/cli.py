@@ -184,7 +184,7 @@ def tune(
     elif out is not None:
         tune_command.write_gains(tuned, out)
         console.print(f"written: {out}", highlight=False, soft_wrap=True)
-    raise typer.Exit(1 if tuned.score.lost else 0)
+    raise typer.Exit(1 if tuned.score.crashes else 0)
 
 
 @cli.command()

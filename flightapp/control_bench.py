@@ -1,12 +1,12 @@
 """Controllers side by side: vehicle and controller alone on the paper's lines, and each term of the law on and off."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
 from flightapp.config import Config, Term, load_config
-from flightapp.evaluation.control_trials import Mismatch, Trial, draws, score
+from flightapp.evaluation.control_trials import FlyAlone, Mismatch, draws, score
 from flightapp.evaluation.paper import paper_tables
 from flightapp.evaluation.tables import NONE, TextTable, number
 from flightapp.mission.loader import load_mission
@@ -31,7 +31,6 @@ GAINS: dict[str, dict[str, Any]] = {"paper": STIFF, "pd": STIFF}
 """What suits a controller better than the configured gains: the stiffest at which these two do not swing."""
 FIRST_SEED = 7000
 
-Fly = Callable[[Config, Any, Trajectory, Mismatch], Trial]
 Rows = list[dict[str, Any]]
 
 
@@ -47,7 +46,7 @@ def run_control_bench(
 
     Each course is flown once as believed, and ``runs`` times by vehicles that are other than believed, in gusts.
     """
-    fly: Fly = find("simulators", "vehicle")
+    fly: FlyAlone = find("simulators", "vehicle")
     cases = [*((name, "") for name in controllers), *(("flatness", term) for term in get_args(Term))]
     rows: Rows = []
     for course, v_max in courses:

@@ -26,6 +26,8 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         raise BadInputError(f"{path}: cannot be read: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise BadInputError(f"{path}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise BadInputError(f"{path}: not valid TOML: nested too deeply") from None
 
 
 def validate(model: type[M], data: dict[str, Any], source: str | Callable[[Location], str]) -> M:

@@ -15,8 +15,9 @@ is no faster than 3 m/s and takes two minutes. Nothing is known beforehand but w
 """
 
 TRACK = "tracks/identify.toml"
-# A map from thrust to throttle that is corrected in flight could not be told from the log.
-SETTINGS = {"race.v_max": 3.0, "vehicle.learn_hover_thrust": False}
+# A map from thrust to throttle that is corrected in flight could not be told from the log. The heading stays as it was
+# at the start, so that swaying ahead and to the left stays along the sides of the cage.
+SETTINGS = {"race.v_max": 3.0, "vehicle.learn_hover_thrust": False, "planning.yaw": "fixed"}
 
 
 async def mission(drone):

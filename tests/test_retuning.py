@@ -3,12 +3,16 @@
 import asyncio
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from flightapp import app
+from flightapp import app, tasks
+from flightapp.bus import Bus
 from flightapp.config import Config, load_config
+from flightapp.control import layout as at
+from flightapp.control.baselines import PaperController, PdController
 from flightapp.control.flatness import FlatnessController
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Tunable
@@ -16,6 +20,7 @@ from flightapp.messages import RateCommand, VehicleState
 from flightapp.recording.reader import read_flight
 from flightapp.retuning import Retuner, changes, live_changes
 from flightapp.trajectory import hover
+from flightapp.worker import ThreadWorker
 
 ROOT = Path(__file__).parents[1]
 MISSION = """
@@ -46,13 +51,17 @@ def test_what_differs_is_told_in_order():
     ]
 
 
-@pytest.mark.parametrize("text", ["control.rate=200", "control.controller=other", "vehicle.mass=1", "race.v_max=2"])
+FIXED = ["control.rate=200", "control.controller=other", "control.without=['drag']", "vehicle.mass=1", "race.v_max=2"]
+
+
+@pytest.mark.parametrize("text", FIXED)
 def test_what_others_were_built_with_may_not_change(text):
     other = load_config(None, None, (text, "control.yaw_bandwidth=2"))
     with pytest.raises(BadInputError, match=r"may not change in flight: " + text.split("=", maxsplit=1)[0]):
         live_changes(Config(), other)
 
 
+REST = np.zeros(3)
 LINE, HERE, LEVEL = (
     hover(0.0, np.array((0.0, 0.0, 1.2)), 0.0),
     np.array((0.3, 0.1, 1.0)),
@@ -61,21 +70,42 @@ LINE, HERE, LEVEL = (
 
 
 def hovering(controller, stamp):
-    state = VehicleState(stamp, HERE, LEVEL, np.zeros(3), np.zeros(3), np.zeros((9, 9)))
+    state = VehicleState(stamp, HERE + 0.3 * stamp, LEVEL, 0.5 * stamp + REST, REST, np.zeros((9, 9)))
     return controller.command(stamp, state, LINE)
 
 
-def test_a_controller_goes_on_with_all_its_gains_and_its_memory():
-    softer = config(position_bandwidth=2.0, height_bandwidth=2.0)
-    retuned, stiff, soft = FlatnessController(Config()), FlatnessController(Config()), FlatnessController(softer)
+@pytest.mark.parametrize("kind", [FlatnessController, PaperController, PdController])
+def test_a_controller_goes_on_with_all_its_gains_and_forgets_nothing(kind):
+    softer = config(position_bandwidth=2.0, height_bandwidth=2.0, attitude_bandwidth=5.0)
+    retuned = kind(Config())
     assert isinstance(retuned, Tunable)
     for k in range(20):
-        hovering(retuned, 0.004 * k), hovering(stiff, 0.004 * k), hovering(soft, 0.004 * k)
-    retuner = Retuner(Config(), retuned, Config)
-    assert retuner.apply(softer) == "control.position_bandwidth 4.0 → 2.0, control.height_bandwidth 4.5 → 2.0"
-    after, of_stiff, of_soft = (hovering(c, 0.08) for c in (retuned, stiff, soft))
-    assert abs(after.thrust - of_soft.thrust) < 0.3 * abs(of_stiff.thrust - of_soft.thrust)
-    assert retuner.apply(softer) == "nothing has changed"
+        hovering(retuned, 0.004 * k)
+    before = retuned._memory.copy()
+    fresh = kind(softer)
+    hovering(fresh, 0.0)
+    gains = slice(at.PARAMETERS, at.STAMP)
+    told = Retuner(Config(), retuned, Config).apply(softer)
+    assert told.startswith("control.position_bandwidth 5.0 → 2.0, control.height_bandwidth 5.5 → 2.0, ")
+    np.testing.assert_array_equal(retuned._memory[gains], fresh._memory[gains])
+    np.testing.assert_array_equal(retuned._memory[at.STAMP :], before[at.STAMP :])
+    # The next command is what the new gains make of the same memory, and a new line keeps them.
+    fresh._memory[at.STAMP :] = before[at.STAMP :]
+    one, other = hovering(retuned, 0.08), hovering(fresh, 0.08)
+    assert one.thrust == other.thrust and np.array_equal(one.rates, other.rates)
+    retuned.command(0.084, VehicleState(0.084, HERE, LEVEL, REST, REST, np.zeros((9, 9))), hover(0.0, HERE, 0.0))
+    np.testing.assert_array_equal(retuned._memory[gains], fresh._memory[gains])
+
+
+def test_what_an_observer_without_bandwidth_has_learnt_is_let_go():
+    controller = FlatnessController(Config())
+    for k in range(200):
+        hovering(controller, 0.004 * k)
+    assert controller.push > 0.0 and controller._memory[at.DRIFT : at.ORIGIN].any()
+    trim = controller._memory[at.TRIM]
+    controller.retune(config(disturbance_bandwidth=0.0, drift_bandwidth=0.0))
+    assert controller.push == 0.0 and not controller._memory[at.DRIFT : at.ORIGIN].any()
+    assert controller._memory[at.TRIM] == trim
 
 
 def test_one_bad_field_changes_nothing():
@@ -100,7 +130,43 @@ def test_a_controller_that_cannot_is_left_alone():
             return RateCommand(stamp, np.zeros(3), 10.0)
 
     with pytest.raises(BadInputError, match="cannot be retuned"):
-        Retuner(Config(), Fixed(), Config).apply(config(position_bandwidth=5.0))
+        Retuner(Config(), Fixed(), Config).apply(config(position_bandwidth=6.0))
+
+
+async def retuned_by(load):
+    """What the tuning task tells when it is asked once and ``load`` reads the configuration, and once more."""
+    bus, asked = Bus(), asyncio.Event()
+    worker = ThreadWorker()
+    rig = SimpleNamespace(worker=worker)
+    task = asyncio.ensure_future(tasks.tuning(rig, bus, Retuner(Config(), FlatnessController(Config()), load), asked))
+    texts = []
+    for _ in range(2):
+        asked.set()
+        texts.append((await asyncio.wait_for(bus.event.next(), 5.0)).text)
+    assert not task.done()
+    task.cancel()
+    worker.close()
+    return texts
+
+
+@pytest.mark.parametrize("kind", ["gone", "a directory", "no text", "too deep", "not ours to read"])
+async def test_a_file_that_cannot_be_read_leaves_all_as_it_was_and_may_be_mended(tmp_path, monkeypatch, kind):
+    file = tmp_path / "vehicle.toml"
+    if kind == "a directory":
+        file.mkdir()
+    if kind == "no text":
+        file.write_bytes(b"\xff\xfe\x00")
+    if kind == "too deep":
+        file.write_text("a = " + 5000 * "[" + 5000 * "]")
+    if kind == "not ours to read":
+        file.write_text("[control]\n")
+        monkeypatch.setattr(Path, "read_text", unreadable)
+    for text in await retuned_by(lambda: load_config(file)):
+        assert text.startswith(f"not retuned: {file}: ")
+
+
+def unreadable(*_args, **_keywords):
+    raise PermissionError(13, "Permission denied")
 
 
 def flown(tmp_path, *texts):

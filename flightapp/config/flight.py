@@ -57,7 +57,8 @@ Term = Literal[
 class Control(Section):
     """Trajectory tracking; gains and bounds may change in flight."""
 
-    FIXED_IN_FLIGHT: ClassVar[frozenset[str] | None] = frozenset({"controller", "rate"})
+    # Without its prediction a controller dates commands otherwise, so the history would not fit.
+    FIXED_IN_FLIGHT: ClassVar[frozenset[str] | None] = frozenset({"controller", "rate", "without"})
 
     controller: str = Field("flatness", description="entry point in flightapp.controllers")
     rate: Finite = Field(250.0, ge=20.0, le=1000.0, description="Hz")

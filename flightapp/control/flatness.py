@@ -228,8 +228,17 @@ class FlatnessController:
         forget(self._memory)
 
     def retune(self, config: Config) -> None:
-        """Go on with the gains of ``config``, remembering the commands sent and the disturbances learnt."""
-        self._parameters = np.array(parameters_of(config))
+        """Go on with the gains of ``config``, remembering the commands sent and what was learnt.
+
+        What an observer has learnt that has no bandwidth any more is let go: nothing would correct it.
+        """
+        p = self._parameters = parameters_of(config, self.WITHOUT)
+        m = self._memory
+        m[at.PARAMETERS : at.PARAMETERS + len(p)] = p
+        if p.disturbance == 0.0:
+            m[at.DISTURBANCE : at.TRIM] = 0.0
+        if p.drift == 0.0:
+            m[at.DRIFT : at.ORIGIN] = 0.0
 
     @property
     def push(self) -> float:

@@ -1,12 +1,15 @@
 """Vehicle and controller alone: how closely a line is tracked, by vehicles that are as believed and by others."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flightapp.config import Config
 from flightapp.frames import Vector
+from flightapp.interfaces import Controller
+from flightapp.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +29,8 @@ class Mismatch:
     """m/s, mean."""
     gust: float = 0.0
     """m/s, standard deviation."""
+    noise: float = 0.0
+    """Of the states that the controller sees, in shares of a T265's white noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,19 +55,31 @@ class Score:
     error: float | None
     """m, their greatest distance from the line."""
     crashes: int
+    cost: float
+    """m, what tuning makes small: half the mean RMSE and half the worst, a crash counted as `LOST`."""
 
 
+FlyAlone = Callable[[Config, Controller, Trajectory, Mismatch], Trial]
+"""Fly a line with vehicle and controller alone."""
+LOST = 3.0
+"""m off the line."""
 WIND, GUST = 1.0, 0.8
 """m/s; on the racer about 0.3 m/s² of gusts."""
 
 
+def drawn(seed: int, size: float = 1.0) -> Mismatch:
+    """Mass and thrust ±10 %, drag × 0.5–2 (evenly in its logarithm), delay ±10 ms, motors ±30 %; ``size`` times that.
+
+    In still air, without noise.
+    """
+    mass, thrust, drag, motor, delay = size * np.random.default_rng([seed, 0xC7]).uniform(-1.0, 1.0, 5)
+    return Mismatch(seed, 1.0 + 0.1 * mass, 1.0 + 0.1 * thrust, 2.0**drag, 1.0 + 0.3 * motor, 0.01 * delay)
+
+
 def draws(count: int, first_seed: int) -> Iterator[Mismatch]:
-    """Mass and thrust ±10 %, drag × 0.5–2 (evenly in its logarithm), delay ±10 ms, motors ±30 %, wind with gusts."""
+    """Vehicles as `drawn`, in wind with gusts."""
     for seed in range(first_seed, first_seed + count):
-        rng = np.random.default_rng([seed, 0xC7])
-        mass, thrust = rng.uniform(0.9, 1.1, 2)
-        drag = math.exp(rng.uniform(-math.log(2.0), math.log(2.0)))
-        yield Mismatch(seed, mass, thrust, drag, rng.uniform(0.7, 1.3), rng.uniform(-0.01, 0.01), WIND, GUST)
+        yield replace(drawn(seed), wind=WIND, gust=GUST)
 
 
 def trial(errors: Vector, crashed: bool) -> Trial:
@@ -72,12 +89,14 @@ def trial(errors: Vector, crashed: bool) -> Trial:
 
 
 def score(trials: Sequence[Trial]) -> Score:
-    """``trials`` as one."""
+    """``trials``, at least one, as one."""
     flown = [trial for trial in trials if not trial.crashed]
+    counted = [LOST if trial.crashed else trial.rmse for trial in trials]
     return Score(
         len(trials),
         float(np.median([trial.rmse for trial in flown])) if flown else None,
         max((trial.rmse for trial in flown), default=None),
         max((trial.worst for trial in flown), default=None),
         len(trials) - len(flown),
+        0.5 * (sum(counted) / len(counted) + max(counted)),
     )

@@ -26,6 +26,12 @@ WORST = {"delay": 0.005, "rate_lag": 0.010, "yaw_rate_lag": 0.03, "motor_lag": 0
 WORST_HOVER = 0.02
 """Likewise, of the hover thrust: relative."""
 WORST_CURVE = 0.1
+TRACKER_SCALE = 0.03
+"""Share by which a tracker's velocities may be wrong throughout, and the drag with them: a T265's are about so much
+short (table 9 of "Framework and Evaluation Methodology for Autonomous Drone Racing"; librealsense issue 3970)."""
+LACKING = 0.25
+"""Of the throttle's relative variance, the share of the thrust that a quickly changed throttle may lack: thrust is the
+square of the rotors' speed, it is the speed that lags, and its relative variance is a quarter of the throttle's."""
 GUESSED = (0.01, 0.03)
 """s, delay and lag of the thrust with which the search begins."""
 
@@ -38,7 +44,7 @@ class Finding:
     before: float
     value: float
     sigma: float
-    """Standard error; NaN for what was not measured but follows from what was."""
+    """Standard error, with what the model lacks; NaN for what was not measured but follows from what was."""
     unit: str
     quality: float = math.nan
     """Share of the variance that the model explains, of what the parameter was found from."""
@@ -144,7 +150,7 @@ def _tell_force(parts: Sequence[Stretch], before: Vehicle, map_known: bool, note
     free = [force.A, *([force.B, force.DELAY, force.LAG] if shaken else []), *([force.EXPONENT] if swinging else [])]
     free += [force.DRAG + k for k in range(3) if fast[k]]
     fit = fit_force(parts, _given(before, swinging), free, voltage if swinging else math.nan)
-    _tell_thrust(fit, before, voltage, notes)
+    _tell_thrust(fit, before, voltage, swing, notes)
     if shaken:
         _tell_motors(fit, before, notes)
     else:
@@ -159,18 +165,20 @@ def _tell_force(parts: Sequence[Stretch], before: Vehicle, map_known: bool, note
             notes.refuse(why, f"drag {'xyz'[k]}")
             continue
         place = force.DRAG + k
-        value, sigma = float(fit.values[place]), math.sqrt(fit.covariance[place, place])
+        value = float(fit.values[place])
+        sigma = math.hypot(math.sqrt(fit.covariance[place, place]), TRACKER_SCALE * value)
         note = "" if value >= 0.0 else f"{value:.3f} was found, which no vehicle has"
         found = Finding("drag", before.drag[k], max(value, 0.0), sigma, "1/s", float(fit.explained[k]), note, k)
         notes.take(found, WORST["drag"])
 
 
-def _tell_thrust(fit: ForceFit, before: Vehicle, voltage: float, notes: _Notes) -> None:
-    """Hover thrust, and what follows from it."""
+def _tell_thrust(fit: ForceFit, before: Vehicle, voltage: float, swing: float, notes: _Notes) -> None:
+    """Hover thrust, and what follows from it; ``swing`` is the throttle's relative standard deviation."""
     a, b = fit.values[force.A], fit.values[force.B]
     hover = _hover(a, b)
     slope = np.array((hover, hover**2)) / (a + 2.0 * b * hover)
     sigma = math.sqrt(slope @ fit.covariance[: force.B + 1, : force.B + 1] @ slope)
+    sigma = math.hypot(sigma, LACKING * swing**2 * hover)
     quality = float(fit.explained[2])
     notes.take(Finding("hover_thrust", before.hover_thrust, hover, sigma, "", quality), WORST_HOVER * hover)
     if _value(notes, "hover_thrust", math.nan) != hover:

@@ -28,7 +28,8 @@ A, B, DELAY, LAG, EXPONENT, DRAG = 0, 1, 2, 3, 4, 5
 """Places of the parameters; the drag has three."""
 SIZE = 8
 STEPS = np.array((1.0, 1.0, 0.01, 0.01, 0.5, 0.1, 0.1, 0.1))
-LOWER = np.array((1.0, -500.0, 0.0, 0.0, -1.0, -1.0, -1.0, -1.0))
+# Rotors take longer than 10 ms; without a lag the thrust would jump with each command.
+LOWER = np.array((1.0, -500.0, 0.0, 0.01, -1.0, -1.0, -1.0, -1.0))
 UPPER = np.array((500.0, 500.0, 0.2, 0.5, 4.0, 10.0, 10.0, 10.0))
 
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from flightapp import app
 from flightapp.config import Config, load_config
+from flightapp.evaluation.control_trials import Mismatch
 from flightapp.evaluation.flight import Flight
 from flightapp.frames import Vector, quat_to_matrix
 from flightapp.recording.reader import read_flight
-from sim.mismatch import Mismatch
+from sim.mismatch import perturbed
 from sim.vehicles import AIR_DENSITY, VehicleParameters, load_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +41,7 @@ def fly(out: Path, mission: str, vehicle: Path, seed: int, *settings: str) -> Fl
 def true_vehicle(vehicle: Path, mismatch: Mismatch) -> VehicleParameters:
     """What flies in simulation where ``vehicle`` is its file."""
     config: Config = load_config(vehicle)
-    return mismatch.of(load_vehicle(config.sim.vehicle))
+    return perturbed(load_vehicle(config.sim.vehicle), mismatch)
 
 
 def true_hover(vehicle: VehicleParameters, voltage: float) -> float:

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from flightapp.config import Simulation, load_config
+from flightapp.evaluation.control_trials import Mismatch, drawn
 from flightapp.inputs import BadInputError
-from sim.mismatch import Mismatch, drawn, mismatched
+from sim.mismatch import mismatched, perturbed
 from sim.vehicles import load_vehicle
 
 
@@ -23,7 +24,7 @@ def test_it_is_what_was_given():
 
 
 def test_a_delay_cannot_become_negative():
-    assert Mismatch(delay=-0.5).of(load_vehicle("px4")).delay == 0.0
+    assert perturbed(load_vehicle("px4"), Mismatch(delay=-0.5)).delay == 0.0
 
 
 def test_draws_fill_their_range_and_are_repeatable():
@@ -36,7 +37,7 @@ def test_draws_fill_their_range_and_are_repeatable():
 
 
 def test_none_is_drawn_unless_it_is_asked_for():
-    assert drawn(5, 0.0) == Mismatch()
+    assert drawn(5, 0.0) == Mismatch(5)
     assert mismatched(Simulation(mismatch=1.0), 1) != mismatched(Simulation(mismatch=1.0), 2)
 
 

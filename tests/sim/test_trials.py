@@ -3,21 +3,12 @@ import pytest
 
 from flightapp.config import Config
 from flightapp.control.flatness import FlatnessController
-from flightapp.evaluation.control_trials import Mismatch, Trial, draws, score
+from flightapp.evaluation.control_trials import LOST, Mismatch, Trial, draws, score
 from flightapp.trajectory import hover
-from sim.trials import fly, perturbed
-from sim.vehicles import load_vehicle
+from sim.trials import blur, fly
 
 CONFIG = Config()
 LINE = hover(0.0, np.array([0.0, 0.0, 1.5]), 0.0, duration=1.0)
-
-
-def test_a_mismatched_vehicle_is_heavier_weaker_and_draggier_by_its_factors():
-    racer = load_vehicle("racer")
-    other = perturbed(racer, Mismatch(mass=1.1, thrust=0.9, drag=2.0, motor=1.3))
-    assert other.thrust_to_weight == pytest.approx(racer.thrust_to_weight * 0.9 / 1.1)
-    assert other.specific_drag == pytest.approx(racer.specific_drag * 2.0 / 1.1)
-    assert other.motor_up == pytest.approx(1.3 * racer.motor_up)
 
 
 def test_a_vehicle_that_cannot_fly_has_crashed():
@@ -45,4 +36,19 @@ def test_crashes_are_counted_and_left_out_of_the_errors():
     result = score([Trial(0.02, 0.05, False), Trial(0.04, 0.08, False), Trial(9.0, 9.0, True)])
     assert (result.runs, result.crashes) == (3, 1)
     assert (result.rmse, result.worst, result.error) == pytest.approx((0.03, 0.04, 0.08))
+    assert result.cost == pytest.approx(0.5 * ((0.02 + 0.04 + LOST) / 3.0 + LOST))
     assert score([Trial(9.0, 9.0, True)]).worst is None
+
+
+def test_noise_is_seen_by_the_controller_and_costs_little():
+    controller = FlatnessController(CONFIG)
+    clean, noisy = (fly(CONFIG, controller, LINE, Mismatch(noise=noise)) for noise in (0.0, 1.0))
+    assert clean.rmse < noisy.rmse < 0.03
+
+
+def test_noise_of_the_attitude_turns_it_by_as_much():
+    row, noise = np.zeros(17), np.zeros(12)
+    row[4], noise[3:6], noise[0] = 1.0, (1e-3, -2e-3, 3e-3), 0.5
+    blur(row, noise)
+    np.testing.assert_allclose(row[4:8], (1.0, 5e-4, -1e-3, 1.5e-3), atol=1e-5)
+    assert row[1] == 0.5
