@@ -196,16 +196,17 @@ def test_shipped_gates_are_met_from_the_front(path: Path) -> None:
     before = np.array(track.start.position)
     for gate in track.gates:
         ahead = np.array((math.cos(gate.yaw), math.sin(gate.yaw), 0.0))
-        assert (np.array(gate.position) - before) @ ahead > 0.5
+        assert (np.array(gate.position) - before) @ ahead > 0.4
         before = np.array(gate.position)
 
 
-def test_start_of_a_race_faces_the_first_gate() -> None:
+def test_start_of_a_race_faces_the_first_gate_or_looks_through_it() -> None:
     for path in SHIPPED:
         track = load_track(path)
         if track.gates:
             x, y, _ = np.subtract(track.gates[0].position, track.start.position)
-            assert track.start.yaw == pytest.approx(math.atan2(y, x), abs=0.02)
+            sights = math.atan2(y, x), track.gates[0].yaw
+            assert min(abs(track.start.yaw - sight) for sight in sights) < 0.02
 
 
 def test_lemniscate_lies_on_its_curve() -> None:

@@ -10,6 +10,7 @@ from flightapp.autopilot.hover_thrust import HoverThrust
 from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
 from flightapp.control.flatness import FlatnessController
+from flightapp.control.layout import TRIM
 from flightapp.frames import GRAVITY, Vector
 from flightapp.messages import GroundTruth, VehicleState
 from flightapp.trajectory import Trajectory
@@ -112,5 +113,5 @@ class Flight:
             self.learner.sent(now, throttle)
             error = self._line.setpoint(now).position[2] - self.plant.position[2]
             believed = self.thrust.throttle(GRAVITY)
-            rows.append((now, error, self._controller._learnt[2], believed, self.real_hover()))
+            rows.append((now, error, self._controller._memory[TRIM], believed, self.real_hover()))
         return Flown(*np.array(rows).T)
