@@ -30,7 +30,7 @@ def test_hopeless_gains_are_told():
 def test_tuning_mends_gains_that_are_off(tmp_path):
     text = RACER.read_text() + "\n[control]\nposition_bandwidth = 1.2  # too soft\nattitude_bandwidth = 4.0\n"
     (tmp_path / "soft.toml").write_text(text)
-    options = TuneOptions(tmp_path / "soft.toml", ROOT / "missions" / "lemniscate.py", runs=3, search=14)
+    options = TuneOptions(tmp_path / "soft.toml", ROOT / "missions" / "lemniscate.py", runs=2, search=10)
     tuned = tune(options)
     assert tuned.improved
     assert tuned.better_score.cost < 0.9 * tuned.score.cost
