@@ -63,12 +63,6 @@ def test_a_base_that_is_not_there_is_refused(tmp_path):
         identify_runs([tmp_path / "flight.mcap"], tmp_path / "none.toml")
 
 
-def test_the_command_tells_bad_input_with_status_2(tmp_path):
-    ended = flightapp("identify", "nowhere", cwd=tmp_path)
-    assert ended.returncode == 2, ended.stdout + ended.stderr
-    assert "no such flight log" in ended.stderr and "Traceback" not in ended.stderr
-
-
 def test_the_command_writes_what_a_hover_tells(tmp_path):
     log(tmp_path / "flight.mcap", 8.0)
     ended = flightapp("identify", ".", "--out", "new.toml", "--json", "found.json", cwd=tmp_path)
