@@ -19,6 +19,8 @@ from flightapp import app
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.channel import Topic
 from flightapp.config import Config
+from flightapp.control.flatness import FlatnessController
+from flightapp.control.mpc import MpcController
 from flightapp.control_speed import BATCH, compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.estimation.fusion import FusionEstimator
 from flightapp.evaluation.growth import wavy_course
@@ -124,9 +126,10 @@ def _control() -> Iterator[Row]:
     line = _plan(config, 6)
     yield measure("controller", compiled_laws(config, line), 200, BATCH)
     yield measure("controller_predicting", compiled_commands(config, line), 200, BATCH)
-    command, guard = python_commands(config, line), CommandGuard(config)
+    command, guard = python_commands(FlatnessController(config), line), CommandGuard(config)
     yield measure("controller_from_python", packed_commands(config, line), 20000)
     yield measure("controller_task", command, 20000)
+    yield measure("mpc", python_commands(MpcController(config), line), 5000)
     status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 1.0)
     topics: tuple[Topic[Any], Topic[Any]] = (Topic("setpoint"), Topic("command"))
 

@@ -25,7 +25,7 @@ COURSES = (
 """Mission and v_max, m/s."""
 PAPER = {"lemniscate": 1, "five_gates_loop": 7}
 """The paper's table of tracking errors beside a course; its five gates stood elsewhere."""
-CONTROLLERS = ("flatness", "paper", "pd")
+CONTROLLERS = ("flatness", "mpc", "paper", "pd")
 STIFF = {"position_bandwidth": 6.0, "height_bandwidth": 6.5}
 GAINS: dict[str, dict[str, Any]] = {"paper": STIFF, "pd": STIFF}
 """What suits a controller better than the configured gains: the stiffest at which these two do not swing."""

@@ -7,9 +7,10 @@ import numpy as np
 
 from flightapp.config import Config
 from flightapp.control import layout as at
-from flightapp.control.flatness import FlatnessController, control_memory, flatness_command, flatness_law, forget
+from flightapp.control.flatness import control_memory, flatness_command, flatness_law, forget
 from flightapp.control.parameters import parameters_of, unpacked
 from flightapp.frames import GRAVITY, Vector
+from flightapp.interfaces import Controller
 from flightapp.jit import lean_kernel
 from flightapp.messages import RateCommand, VehicleState
 from flightapp.trajectory import Trajectory
@@ -76,9 +77,9 @@ def _control_memory(config: Config, line: Trajectory) -> Vector:
     return memory
 
 
-def python_commands(config: Config, line: Trajectory) -> Callable[[], RateCommand]:
+def python_commands(controller: Controller, line: Trajectory) -> Callable[[], RateCommand]:
     """Makes one command after the other along ``line``, as an application does."""
-    controller, clock = FlatnessController(config), _stamps()
+    clock = _stamps()
 
     def command() -> RateCommand:
         stamp = next(clock)

@@ -143,6 +143,11 @@ class Controller(Protocol):
         """m/s², the steady horizontal push, such as the wind's, that it has learnt to lean against."""
         ...
 
+    @property
+    def report(self) -> str:
+        """What there is to tell of its commands so far, in one line; empty for nothing."""
+        ...
+
     def reset(self) -> None:
         """Forget integrators and filters, at the start of a new flight."""
         ...

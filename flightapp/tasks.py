@@ -195,6 +195,8 @@ async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Tick
             if report := guard.take_report():
                 bus.event.publish(Event(stamp, "guard", report))
     finally:
+        if report := modules.controller.report:
+            bus.event.publish(Event(now(), "control", report))
         bus.event.publish(Event(now(), "guard", SenderReport(ticker.statistics(), guard.counts).line()))
 
 

@@ -32,6 +32,8 @@ HERE = np.array((0.0, 0.0, 1.5))
 class Hoverer:
     """A controller that hovers, but fails while told to."""
 
+    report = "all hovered"
+
     def __init__(self):
         self.failing = False
         self.resets = 0
@@ -119,6 +121,7 @@ def test_commands_go_out_at_the_rate_and_are_published():
     assert len(flight.sent) == pytest.approx(250, abs=3)
     assert flight.bus.command.count == flight.bus.setpoint.count == len(flight.sent)
     assert not flight.faults
+    assert [event.text for event in flight.events if event.kind == "control"] == ["all hovered"]
 
 
 def test_without_a_line_nothing_is_sent_and_the_controller_starts_anew():

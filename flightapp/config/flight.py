@@ -88,6 +88,13 @@ class Control(Section):
     without: tuple[Term, ...] = Field((), description="terms of the control law that are left out, to see their worth")
 
 
+class Mpc(Section):
+    """Model-predictive tracking; what it weighs follows from the bandwidths and dampings of `control`."""
+
+    horizon: Finite = Field(0.6, ge=0.2, le=2.0, description="s that are planned ahead, in 20 steps")
+    iterations: int = Field(1, ge=1, le=5, description="improvements of the plan at each tick")
+
+
 class Race(Section):
     """How to race."""
 

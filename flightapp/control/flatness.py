@@ -154,12 +154,24 @@ def flatness_law(
     return asked, dot(body[2], wanted) + skew * dot(body[2], goal[1]) + lead, free
 
 
+@fused
+def _keep(m: Vector, position: Triple, velocity: Triple, q: Quaternion, rates: Triple, thrust: float) -> None:
+    """Leave what is foreseen for those who plan on from there."""
+    f = at.FORESEEN
+    m[f], m[f + 1], m[f + 2] = position
+    m[f + 3], m[f + 4], m[f + 5] = velocity
+    m[f + 6], m[f + 7], m[f + 8], m[f + 9] = q
+    m[f + 10], m[f + 11], m[f + 12] = rates
+    m[f + 13] = thrust
+
+
 @fused_kernel
 def flatness_command(m: Vector) -> float:
     """One command, from the numbers in ``m``, which are laid out as `layout` says.
 
-    Stamp and state are read, the rates to send are left in ``m[RATES]``, and the command is remembered. Returns the
-    specific force to send (m/s²), NaN when something was not finite; nothing is remembered then.
+    Stamp and state are read, the rates to send are left in ``m[RATES]``, what is foreseen of the moment of their
+    effect in ``m[FORESEEN]``, and the command is remembered. Returns the specific force to send (m/s²), NaN when
+    something was not finite; nothing is remembered then.
     """
     if not _usable(m):
         return math.nan
@@ -173,7 +185,8 @@ def flatness_command(m: Vector) -> float:
     drag, disturbance = _drag(p, m), (m[at.DISTURBANCE], m[at.DISTURBANCE + 1], m[at.DISTURBANCE + 2])
     end = start + p.foresight * (effect - start)
     now = (seen[0], along(seen[1], 1.0, (m[at.DRIFT], m[at.DRIFT + 1], m[at.DRIFT + 2])), seen[2], seen[3])
-    position, velocity, q, value, total = foresee(p, m, now, start, end, known, drag, disturbance)
+    position, velocity, q, rates, value, total = foresee(p, m, now, start, end, known, drag, disturbance)
+    _keep(m, position, velocity, q, rates, value[3])
     asked, force, free = flatness_law(p, m, effect, (position, velocity, q, value[3]), drag, disturbance)
     trim = 1.0 + m[at.TRIM]
     sent = force * trim
@@ -244,6 +257,11 @@ class FlatnessController:
     def push(self) -> float:
         """m/s², the steady horizontal push that it has learnt to lean against."""
         return math.hypot(self._memory[at.STEADY], self._memory[at.STEADY + 1])
+
+    @property
+    def report(self) -> str:
+        """Nothing: every command is its own."""
+        return ""
 
     def command(self, stamp: float, state: VehicleState, trajectory: Trajectory) -> RateCommand:
         """Body rates and specific force to send at ``stamp``, from the newest ``state``.

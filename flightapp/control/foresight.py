@@ -91,8 +91,8 @@ def foresee(
     known: tuple[Lagged, Lagged],
     drag: Triple,
     push: Triple,
-) -> tuple[Triple, Triple, Quaternion, Lagged, Lagged]:
-    """Position, velocity and q_wb at ``end`` of the ``motion`` (with body rates) at ``start``.
+) -> tuple[Triple, Triple, Quaternion, Triple, Lagged, Lagged]:
+    """Position, velocity, q_wb and body rates at ``end`` of the ``motion`` at ``start``.
 
     ``known`` is what the lags have made of the commands at ``start``. ``drag`` (1/s) and disturbance ``push`` (m/s²)
     are the model's. The last two results are as ``known``, at ``end``. What the measured rates have over the model's
@@ -121,7 +121,8 @@ def foresee(
         q = unit(product(middle, step))
         over = (left * over[0], left * over[1], yaw_left * over[2])
         total, now = then, until
-    return position, velocity, q, value, total
+    rates = (value[0] + over[0], value[1] + over[1], value[2] + over[2])
+    return position, velocity, q, rates, value, total
 
 
 @fused

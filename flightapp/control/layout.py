@@ -45,8 +45,10 @@ TURNS = 82
 SEGMENT = 83
 """The segment read last, and that of the yaw."""
 TURN = 84
+FORESEEN = 88
+"""Position, velocity, q_wb, body rates and thrust at the moment when the newest command takes effect."""
 # Commands sent.
-HISTORY = 88
+HISTORY = 104
 ROWS = 128
 """Half a second at 250 Hz. A power of two, so that a place in the ring is a mask away."""
 MASK = ROWS - 1

@@ -2,10 +2,13 @@
 
 import math
 
+import pytest
 from lag_plant import lemniscate
 
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.config import Config
+from flightapp.control.flatness import FlatnessController
+from flightapp.control.mpc import MpcController
 from flightapp.control_speed import compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.messages import AutopilotStatus, FlightMode
 
@@ -26,11 +29,12 @@ def test_bench_controller_from_python(benchmark):
     assert math.isfinite(benchmark(packed_commands(Config(), LINE)))
 
 
-def test_bench_controller_task(benchmark):
-    assert math.isfinite(benchmark(python_commands(Config(), LINE)).thrust)
+@pytest.mark.parametrize("controller", [FlatnessController, MpcController])
+def test_bench_controller_task(benchmark, controller):
+    assert math.isfinite(benchmark(python_commands(controller(Config()), LINE)).thrust)
 
 
 def test_bench_guard(benchmark):
     status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 0.9)
-    command = python_commands(Config(), LINE)()
+    command = python_commands(FlatnessController(Config()), LINE)()
     assert benchmark(CommandGuard(Config()).check, command, command.stamp, status) is command

@@ -33,6 +33,7 @@ def test_every_controller_holds_a_hover_and_is_repeatable(name):
         rows, references, commands = fly(controller, LagPlant(lags, np.array([0.1, 0.0, 1.4])), line, 3.0)
         assert rmse(rows[-100:], references[-100:]) < 0.01
         assert all(np.isfinite(command.rates).all() and np.isfinite(command.thrust) for command in commands)
+        assert isinstance(controller.report, str)
         ends.append(rows[-1])
         controller.reset()
     assert np.array_equal(ends[0], ends[1])
