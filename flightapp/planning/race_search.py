@@ -47,6 +47,8 @@ EFFORT = 9_500
 """Times segments, effort that the search for one plan may take, as `race_solver` counts it."""
 CROWDED, LOOK, CORNER = 1.8, 4, 60
 """Times that effort among obstacles; effort per segment of a dense measurement; that to find a point of a detour."""
+DRAGGED = 0.5
+"""Share of an effort that counts where drag is planned for: it couples thrust with velocity, which takes more steps."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
 
@@ -80,7 +82,8 @@ class Search:
 
     def _cost(self, line: Vector, problem: Problem) -> float:
         """Of a unit of effort per segment."""
-        return (CROWDED if len(problem.rows) else 1.0) * (len(line) - 1)
+        among = CROWDED if len(problem.rows) else 1.0
+        return among * (DRAGGED if problem.drag else 1.0) * (len(line) - 1)
 
     def _in_place(self, problem: Problem, work: Work) -> bool:
         """Whether gates are crossed as they should be, or nearly so."""

@@ -171,7 +171,7 @@ def test_without_learning_the_trim_has_to_carry_it():
 
 
 def test_a_battery_that_empties_is_followed():
-    """Ten times as fast as in flight."""
+    """Ten times as fast as in flight; without learning the controller's trim makes up for it."""
     errors, trims = [], []
     for learning in (False, True):
         flight = Flight(configured("f330"), LINE, learning)
@@ -179,7 +179,7 @@ def test_a_battery_that_empties_is_followed():
         late = flight.fly(25.0).from_to(6.0, 25.0)
         errors.append(np.abs(late.height_error).max())
         trims.append(np.abs(late.trim).max())
-    assert errors[1] < 0.5 * errors[0]
+    assert max(errors) < 0.01
     assert trims[1] < 0.35 * trims[0]
 
 

@@ -19,6 +19,8 @@ from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
 from sim.px4.modes import NavState
 
+pytestmark = pytest.mark.wall_clock
+
 
 def free_port():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
