@@ -140,11 +140,12 @@ def test_a_lemniscate_is_flown_in_the_known_time(v_max, exact):
 
 EXACT = {
     "lemniscate": {3.0: 14.4, 5.0: 8.7, 7.0: 6.5, math.inf: 6.0},
+    # At 10 m/s 7.0 s are possible: the planner's 7.11 s are a known shortfall, which must not grow.
     "five_gates": {1.0: 70.0, 2.0: 35.0, 3.0: 23.0, 4.0: 17.5, 10.0: 7.15, math.inf: 6.0},
     "five_gates_loop": {4.0: 22.5},
     "four_gates": {0.5: 43.0, 1.0: 22.0, 4.0: 5.4},
 }
-"""s that polynomials through the points are known to take, by course and greatest speed in m/s."""
+"""s that polynomials through the points are known to need, by course and greatest speed in m/s; but for one row."""
 
 
 @pytest.mark.parametrize("course", yardsticks().courses, ids=lambda course: course.name)
