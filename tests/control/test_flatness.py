@@ -3,6 +3,7 @@ import pytest
 from lag_plant import LagPlant, Lags, Noise, at_start, believing, fly, lemniscate, rmse
 
 from flightapp.control.flatness import FlatnessController
+from flightapp.control.mpc import MpcController
 from flightapp.frames import quat_from_euler, quat_to_matrix, quat_yaw
 from flightapp.messages import VehicleState
 from flightapp.trajectory import hover
@@ -17,8 +18,8 @@ def race(v_peak, real=None, believed=None, noise=None, **control):
     return rmse(rows, references)
 
 
-def settle(plant, seconds=4.0, noise=None, **control):
-    controller = FlatnessController(believing(plant.lags, **control))
+def settle(plant, seconds=4.0, noise=None, by=FlatnessController, **control):
+    controller = by(believing(plant.lags, **control))
     rows, references, commands = fly(controller, plant, hover(0.0, REST, 0.0), seconds, noise)
     return np.linalg.norm(rows[:, 0:3] - references, axis=1), rows, commands
 
@@ -74,15 +75,17 @@ def test_a_jump_of_the_estimate_is_flown_off_without_overshoot():
     assert max(np.abs(command.rates).max() for command in commands) < 6.0
 
 
-def test_a_far_setpoint_is_approached_at_bounded_speed():
-    _, rows, _ = settle(LagPlant(Lags(), REST + np.array([20.0, 0.0, 0.0])))
+@pytest.mark.parametrize("by", [FlatnessController, MpcController])
+def test_a_far_setpoint_is_approached_at_bounded_speed(by):
+    _, rows, _ = settle(LagPlant(Lags(), REST + np.array([20.0, 0.0, 0.0])), by=by)
     assert 1.5 < np.linalg.norm(rows[:, 7:10], axis=1).max() < 3.0
 
 
+@pytest.mark.parametrize("by", [FlatnessController, MpcController])
 @pytest.mark.parametrize("tilt_max", [30.0, 65.0])
-def test_it_brakes_hard_but_not_beyond_the_tilt_limit(tilt_max):
+def test_it_brakes_hard_but_not_beyond_the_tilt_limit(tilt_max, by):
     plant = LagPlant(Lags(), REST.copy(), velocity=np.array([15.0, 0.0, 0.0]))
-    _, rows, _ = settle(plant, 4.0, tilt_max_deg=tilt_max)
+    _, rows, _ = settle(plant, 4.0, by=by, tilt_max_deg=tilt_max)
     tilts = np.degrees(np.arccos([quat_to_matrix(row[3:7])[2, 2] for row in rows]))
     assert 0.85 * tilt_max < tilts.max() < tilt_max + 2.0
     assert np.abs(rows[:, 2] - REST[2]).max() < 0.3
