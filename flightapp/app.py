@@ -15,7 +15,8 @@ from typing import Any
 from flightapp import tasks
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.autopilot.sender import SenderReport
-from flightapp.behaviors.base import Context, Coordinator
+from flightapp.behaviors.base import Context
+from flightapp.behaviors.coordinator import Coordinator
 from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
@@ -76,6 +77,7 @@ def prepare(plan: FlightPlan) -> tuple[MissionFile, Config]:
     mission = load_mission(plan.mission)
     config = load_config(plan.vehicle, mission.settings, plan.overrides)
     with_map(told(mission.track, config), config)
+    mission.set_parameters(config)
     for kind, name in _modules(config).items():
         find(kind, name)
     return mission, config
@@ -151,7 +153,7 @@ def _wire(
     modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)
     context = Context(bus, config, rig.autopilot, line, machine, known, modules.guard.release)
-    drone = Drone(context, Coordinator(context))
+    drone = Drone(context, Coordinator(context), mission.set_parameters(config))
     if watch is not None:
         watch(bus, rig)
 

@@ -27,7 +27,8 @@ class Bus:
         self.pose: Topic[PoseSample] = Topic("pose")
         self.state: Topic[VehicleState] = Topic("state")
         self.gate_map: Topic[GateMap] = Topic("gate_map")
-        self.goal: Topic[Goal] = Topic("goal")
+        self.goal: Topic[Goal | None] = Topic("goal")
+        """None: nothing is to be reached, and the line is flown to its end."""
         self.trajectory: Topic[Trajectory] = Topic("trajectory")
         self.plan: Topic[PlanReport] = Topic("plan")
         self.setpoint: Topic[Setpoint] = Topic("setpoint")

@@ -237,6 +237,7 @@ class Phase(StrEnum):
     """States of the mission state machine."""
 
     IDLE = "idle"
+    PREFLIGHT = "preflight"
     ARMED = "armed"
     TAKEOFF = "takeoff"
     FLYING = "flying"

@@ -156,6 +156,8 @@ async def _plan(
         navigator.took(now() - asked)
     if line.latest is None:
         raise PlanningError("the line was given up meanwhile")
+    if (wanted := bus.goal.latest) is None or wanted.serial != goal.serial:
+        raise PlanningError("the goal was given up meanwhile")
     if now() > choice.flown.stamp:
         raise PlanningError(f"late by {now() - choice.flown.stamp:.3f} s")
     if detour := navigator.detour(goal, request, choice, line):

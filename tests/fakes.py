@@ -10,7 +10,7 @@ from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import load_config
 from flightapp.interfaces import AutopilotError
-from flightapp.messages import AutopilotStatus, FlightMode, RateCommand, VehicleState
+from flightapp.messages import AutopilotStatus, FlightMode, Frame, RateCommand, VehicleState
 from flightapp.mission.machine import MissionMachine
 from flightapp.planning.line import Line
 from flightapp.track import Gate, Start, Track
@@ -113,9 +113,10 @@ def make_context(autopilot, track=TRACK, **settings):
 
 
 async def stream_states(context, position=lambda t: (0.0, 0.0, 1.5), rate=100.0):
-    """Publish states, and commands as if a controller ran, for ever."""
+    """Publish states, empty images, and commands as if a controller ran, for ever."""
     loop = asyncio.get_running_loop()
     while True:
+        context.bus.frame.publish(Frame(loop.time(), context.bus.frame.count, None))
         context.bus.state.publish(state(loop.time(), position(loop.time())))
         if context.line.at(loop.time()) is not None:
             context.bus.command.publish(RateCommand(loop.time(), np.zeros(3), 9.8))

@@ -4,11 +4,13 @@ import asyncio
 from dataclasses import replace
 
 import numpy as np
+from pydantic import Field
 
-from flightapp.behaviors.base import Behavior, Context, Result
-from flightapp.behaviors.motion import ARRIVED, new_serial
+from flightapp.behaviors.base import Context, Parameters, Result
+from flightapp.behaviors.motion import ARRIVED, PATIENCE, Flying, new_serial
 from flightapp.behaviors.search import Search, fly_to, located, room
 from flightapp.channel import Reader
+from flightapp.config.fields import Triple
 from flightapp.frames import Vector
 from flightapp.messages import Event, GateEstimate, Outcome, VehicleState
 from flightapp.planning.course import is_known
@@ -30,28 +32,54 @@ RUN_UP = 3.0
 """m before a gate from where it is flown at again."""
 
 
-class Race(Behavior):
+class RaceParameters(Parameters):
+    """How often round, and to where."""
+
+    laps: int | None = Field(None, ge=1, le=1000, description="default: mission.laps")
+    finish: Triple | None = Field(None, description="m, world; default: the track's, or where the race starts")
+
+
+class Race(Flying[RaceParameters]):
     """Pass every gate in order for a number of laps, then come to rest at the finish.
 
     A gate that isn't known is searched for. One that was missed is flown at again, ``race.attempts`` times in all.
     """
 
     name = "race"
+    accepts = RaceParameters
+    fresh = ("state", "camera")
 
-    def __init__(self, context: Context, laps: int, finish: Vector) -> None:
-        super().__init__(context, context.config.race.timeout)
+    def __init__(self, context: Context, **parameters: object) -> None:
+        super().__init__(context, **parameters)
+        laps = self.parameters.laps or context.config.mission.laps
         ids = tuple(gate.id for gate in context.track.passage) * laps
-        self._goal = Goal(finish, context.limits, ids, serial=new_serial())
+        self._goal = Goal(self.destination, context.limits, ids)
+        self._begun = False
         self._ahead: float | None = None
         self._approach: tuple[int, Vector] | None = None
         self._attempts = 1
         self._searched = 0.0
         self._resting_since: float | None = None
 
+    @property
+    def progress(self) -> float:
+        """Of the gates."""
+        return self._goal.passed / max(len(self._goal.gate_ids), 1)
+
+    @property
+    def destination(self) -> Vector:
+        """The finish."""
+        if (finish := self.parameters.finish or self.context.track.finish) is not None:
+            return np.array(finish)
+        state = self.context.bus.state.latest
+        return np.array(self.context.track.start.position) if state is None else state.position.copy()
+
     async def run(self) -> Result:
         """Publish the goal; watch gates go by; look around where the next one has not been seen."""
         bus = self.context.bus
-        bus.goal.publish(self._goal)
+        if not self._begun:
+            self._begun, self._goal = True, replace(self._goal, end=self.destination)
+        self._resume()
         reader = Reader(bus.state)
         before = await reader.newest()
         while True:
@@ -74,7 +102,7 @@ class Race(Behavior):
         miss = float(np.linalg.norm(state.position - self._goal.end))
         if miss < ARRIVED:
             return Result(Outcome.GOAL_ACHIEVED, f"{self._goal.passed} gates passed, at the finish")
-        if state.stamp > latest.end_stamp + 5.0:
+        if state.stamp > latest.end_stamp + PATIENCE:
             return Result(Outcome.WRONG_PROGRESS, f"stopped {miss:.2f} m from the finish")
         return None
 
@@ -144,7 +172,7 @@ class Race(Behavior):
         if left <= 0.0:
             return Result(Outcome.WRONG_PROGRESS, f"gate {gate_id} was not found within {allowed:g} s")
         self._tell(f"gate {gate_id} is searched for")
-        result = await Search(self.context, gate_id, ahead, left).run()
+        result = await Search(self.context, gate_id=gate_id, ahead=ahead, seconds=left).run()
         self._searched += self.context.now() - begun
         if not result.achieved:
             return result

@@ -6,10 +6,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
+from pydantic import Field
 
-from flightapp.behaviors.base import Behavior, Context, Result
-from flightapp.behaviors.motion import ARRIVED, new_serial
+from flightapp.behaviors.base import Context, Parameters, Result
+from flightapp.behaviors.motion import ARRIVED, Flying, new_serial
+from flightapp.config.fields import Finite
 from flightapp.frames import Vector
+from flightapp.inputs import BadInputError
 from flightapp.interfaces import Limits, PlanningError
 from flightapp.messages import GateEstimate, Outcome
 from flightapp.planning.course import is_known
@@ -63,7 +66,15 @@ async def fly_to(context: Context, waypoints: Vector, limits: Limits, stop: Call
     return True
 
 
-class Search(Behavior):
+class SearchParameters(Parameters):
+    """For which gate, and how."""
+
+    gate_id: int = Field(description="one of the track's")
+    ahead: Finite | None = Field(None, description="rad, where to look first; default: ahead")
+    seconds: Finite | None = Field(None, ge=0.0, le=3600.0, description="s; default: race.search_timeout")
+
+
+class Search(Flying[SearchParameters]):
     """Look for a gate until it is known well enough to be flown at; one that was nowhere yet, until it appears.
 
     First all round on the spot, beginning in the direction ``ahead`` (rad); then from a widening pattern of places
@@ -72,17 +83,34 @@ class Search(Behavior):
     """
 
     name = "search"
+    accepts = SearchParameters
+    fresh = ("state", "camera")
 
-    def __init__(self, context: Context, gate_id: int, ahead: float, seconds: float) -> None:
-        super().__init__(context, context.config.race.timeout)
-        self._gate_id, self._ahead, self._seconds = gate_id, ahead, seconds
-        self._unheard_of = located(context, gate_id) is None
-        self._expires = math.inf
+    def __init__(self, context: Context, **parameters: object) -> None:
+        super().__init__(context, **parameters)
+        asked, known = self.parameters, sorted({gate.id for gate in context.track.passage})
+        if asked.gate_id not in known:
+            gates = f"its gates are {', '.join(map(str, known))}" if known else "it has none"
+            raise BadInputError(f"behavior search: the track has no gate {asked.gate_id}; {gates}")
+        own = context.config.race.search_timeout
+        self._gate_id, self._seconds = asked.gate_id, own if asked.seconds is None else asked.seconds
+        self._ahead = 0.0 if asked.ahead is None else asked.ahead
+        self._unheard_of = located(context, asked.gate_id) is None
+        self._begun, self._expires = math.nan, math.inf
+
+    @property
+    def progress(self) -> float:
+        """Of the time."""
+        begun = self._begun
+        return (self.context.now() - begun) / max(self._seconds, 1e-3) if math.isfinite(begun) else 0.0
 
     async def run(self) -> Result:
         """Look, and fly on to where to look from next."""
         begun = self.context.now()
-        self._expires = begun + self._seconds
+        if not math.isfinite(self._begun):
+            self._begun, self._expires = begun, begun + self._seconds
+            if self.parameters.ahead is None:
+                self._ahead = self.context.line.motion(begun).yaw
         race = self.context.config.race
         limits = replace(self.context.limits, v_max=min(race.search_speed, race.v_max))
         await self._look()
@@ -91,7 +119,7 @@ class Search(Behavior):
                 break
             if await fly_to(self.context, place[None], limits, self._over):
                 await self._look()
-        took = self.context.now() - begun
+        took = self.context.now() - self._begun
         if self._found():
             return Result(Outcome.GOAL_ACHIEVED, f"gate {self._gate_id} found after {took:.1f} s")
         return Result(Outcome.WRONG_PROGRESS, f"gate {self._gate_id} was not found within {took:.0f} s")

@@ -4,8 +4,13 @@ import asyncio
 import contextlib
 import math
 
-from flightapp.behaviors.base import Behavior, Context, Result
+import numpy as np
+from pydantic import Field
+
+from flightapp.behaviors.base import Behavior, Context, Parameters, Result
 from flightapp.channel import Reader
+from flightapp.config.fields import Finite
+from flightapp.frames import Vector
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import AutopilotStatus, FlightMode, Outcome, Phase
 from flightapp.trajectory import hover
@@ -21,39 +26,93 @@ ARM_PATIENCE = 8.0
 """s during which arming is tried again."""
 
 
-class Takeoff(Behavior):
+LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
+"""The autopilot's modes in which it lands."""
+
+
+class TakeoffParameters(Parameters):
+    """How high."""
+
+    height: Finite | None = Field(
+        None, ge=0.3, le=20.0, description="m above the ground; default: mission.takeoff_height"
+    )
+
+
+class Takeoff(Behavior[TakeoffParameters]):
     """Arm, climb and hand the motion over to the application.
 
     Ends with the application in command (offboard), hovering where the climb ended.
     """
 
     name = "takeoff"
+    accepts = TakeoffParameters
     phases = frozenset({Phase.IDLE, Phase.LANDED})
-    needs_state = False
+    fresh = ()
+    needs = ()
 
-    def __init__(self, context: Context, height: float) -> None:
-        super().__init__(context, context.config.mission.takeoff_timeout)
-        self._height = height
+    def __init__(self, context: Context, **parameters: object) -> None:
+        super().__init__(context, **parameters)
+        asked = self.parameters.height
+        self._height = context.config.mission.takeoff_height if asked is None else asked
+        self._ground = 0.0
+
+    @property
+    def timeout(self) -> float:
+        """`mission.takeoff_timeout`."""
+        own = self.context.config.mission.takeoff_timeout
+        return own if self.parameters.timeout is None else self.parameters.timeout
+
+    @property
+    def progress(self) -> float:
+        """Of the climb."""
+        state = self.context.bus.state.latest
+        climbing = self.context.machine.phase in (Phase.TAKEOFF, Phase.FLYING)
+        return (float(state.position[2]) - self._ground) / self._height if climbing and state is not None else 0.0
+
+    @property
+    def destination(self) -> Vector:
+        """Above the start."""
+        x, y, z = self.context.track.start.position
+        return np.array((x, y, z + self._height))
+
+    @property
+    def leads_to(self) -> Phase:
+        """Flight."""
+        return Phase.FLYING
+
+    def refusal(self) -> str:
+        """Also where the vehicle is armed already: then somebody flies it."""
+        status = self.context.autopilot.status.latest
+        armed = status is not None and status.armed
+        return super().refusal() or ("takeoff needs a disarmed vehicle, but it is armed" if armed else "")
 
     async def run(self) -> Result:
         """Ready → takeoff mode → armed → at the height → offboard."""
         autopilot, machine = self.context.autopilot, self.context.machine
+        machine.go(Phase.PREFLIGHT, self.context.now(), "takeoff asked for")
         status = Reader(autopilot.status)
         while (latest := autopilot.status.latest) is None or not latest.ready:
             await status.newest()
         ground = self.context.bus.state.latest or await self.context.bus.state.next()
+        self._ground = float(ground.position[2])
         self.context.release_guard()
         await autopilot.takeoff(self._height)
         await self._arm()
-        machine.go(Phase.ARMED, self.context.now(), "takeoff asked for")
+        machine.go(Phase.ARMED, self.context.now(), "the autopilot is ready")
         machine.go(Phase.TAKEOFF, self.context.now(), f"to {self._height:g} m")
-        left = await self._climb(status, float(ground.position[2]))
+        left = await self._climb(status, self._ground)
         if left is not None:
             return Result(Outcome.WRONG_PROGRESS, f"the autopilot left the climb before its end: {left}")
         await self._take_command()
         machine.go(Phase.FLYING, self.context.now(), "the climb is over")
         here = self.context.bus.state.latest or ground
-        return Result(Outcome.GOAL_ACHIEVED, f"hovering {here.position[2] - ground.position[2]:.1f} m above the ground")
+        return Result(Outcome.GOAL_ACHIEVED, f"hovering {here.position[2] - self._ground:.1f} m above the ground")
+
+    def stopped(self) -> None:
+        """Nothing but what all do; before anything is armed, the mission is where it was."""
+        super().stopped()
+        if self.context.machine.phase is Phase.PREFLIGHT:
+            self.context.machine.go(Phase.IDLE, self.context.now(), "the takeoff was broken off")
 
     async def _arm(self) -> None:
         """Arm; the autopilot's checks may take a moment to notice that the position has become good."""
@@ -115,28 +174,57 @@ class Takeoff(Behavior):
         await self.context.autopilot.start_offboard()
 
 
-class Land(Behavior):
-    """Land here and disarm."""
+class Land(Behavior[Parameters]):
+    """Land here and disarm, as the autopilot does."""
 
     name = "land"
-    phases = frozenset({Phase.FLYING, Phase.TAKEOFF, Phase.LANDING, Phase.ABORTED})
-    needs_state = False
+    phases = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.ABORTED})
+    fresh = ()
+    needs = ()
+    priority = 80
 
-    def __init__(self, context: Context) -> None:
-        super().__init__(context, context.config.mission.land_timeout)
+    def __init__(self, context: Context, **parameters: object) -> None:
+        super().__init__(context, **parameters)
+        self._from = math.nan
+
+    @property
+    def timeout(self) -> float:
+        """`mission.land_timeout`."""
+        own = self.context.config.mission.land_timeout
+        return own if self.parameters.timeout is None else self.parameters.timeout
+
+    @property
+    def progress(self) -> float:
+        """Of the way down to the track's start."""
+        state, ground = self.context.bus.state.latest, self.context.track.start.position[2]
+        if state is None or not self._from > ground:
+            return 0.0
+        return (self._from - float(state.position[2])) / (self._from - ground)
+
+    @property
+    def leads_to(self) -> Phase:
+        """The ground."""
+        return Phase.LANDED
 
     async def run(self) -> Result:
         """Ask the autopilot to land and wait until it has disarmed."""
-        autopilot, machine = self.context.autopilot, self.context.machine
-        status = Reader(autopilot.status)
-        if machine.phase is Phase.TAKEOFF:
+        autopilot, machine, state = self.context.autopilot, self.context.machine, self.context.bus.state.latest
+        self._from = float(state.position[2]) if state is not None else math.nan
+        if machine.phase in (Phase.ARMED, Phase.TAKEOFF):
             machine.go(Phase.ABORTED, self.context.now(), "landing during takeoff")
         if machine.phase is not Phase.ABORTED:
             machine.go(Phase.LANDING, self.context.now(), "landing asked for")
         self.context.line.clear()
+        status = Reader(autopilot.status)
         await autopilot.land()
-        while (await status.newest()).armed:
-            pass
+        landing = False
+        while (latest := await status.newest()).armed:
+            landing |= latest.mode in LANDING
+            if landing and latest.mode not in LANDING:
+                return Result(Outcome.WRONG_PROGRESS, f"the autopilot left the landing for its mode {latest.mode}")
         if machine.phase is not Phase.ABORTED:
             machine.go(Phase.LANDED, self.context.now(), "disarmed on the ground")
         return Result(Outcome.GOAL_ACHIEVED, "landed and disarmed")
+
+    def stopped(self) -> None:
+        """Nothing: the autopilot goes on landing."""

@@ -117,6 +117,9 @@ class Mission(Section):
     land_timeout: Finite = Field(30.0, gt=1.0, le=300.0, description="s")
     laps: int = Field(1, ge=1, le=1000, description="laps to fly")
     gates_known: bool = Field(True, description="use the track's places of gates; false: only their ids and markers")
+    parameters: dict[str, bool | int | Finite | str] = Field(
+        default_factory=dict, description="what the mission itself can be told: its PARAMETERS, by name"
+    )
     map: str = Field("", description="the map.toml of an earlier flight, whose places of gates are used")
     geofence: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
         (-100.0, -100.0, -1.0, 100.0, 100.0, 30.0),

@@ -1,16 +1,19 @@
 """The facade that missions call."""
 
-from collections.abc import Sequence
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Coroutine, Mapping, Sequence
+from typing import Any
 
-import numpy as np
-
-from flightapp.behaviors.base import Behavior, Context, Coordinator, Result
-from flightapp.behaviors.motion import Follow, Goto, Hover, Swaying
-from flightapp.behaviors.race import Race
-from flightapp.behaviors.vertical import Land, Takeoff
+from flightapp.behaviors.base import Behavior, Context, Result
+from flightapp.behaviors.coordinator import Activation, Coordinator
 from flightapp.frames import Vector
-from flightapp.planning.sway import Sway, Tones
+from flightapp.messages import Frame, GateMap
+from flightapp.modules import find
+from flightapp.planning.sway import Tones
 from flightapp.track import Track
+
+Setting = bool | int | float | str
 
 
 class BehaviorFailedError(Exception):
@@ -22,11 +25,18 @@ class BehaviorFailedError(Exception):
 
 
 class Drone:
-    """What a mission can have the drone do. Each call returns when it is done, or raises `BehaviorFailedError`."""
+    """What a mission can have the drone do.
 
-    def __init__(self, context: Context, coordinator: Coordinator) -> None:
+    Each call returns a `Result` when it is done. One that did not achieve its goal is raised as
+    `BehaviorFailedError`, unless ``check`` is False: then the mission branches on it. Every call takes a ``timeout``
+    in s. Cancelling one (as `asyncio.timeout` does) stops the vehicle along its line.
+    """
+
+    def __init__(self, context: Context, coordinator: Coordinator, parameters: Mapping[str, Setting]) -> None:
         self._context = context
         self._coordinator = coordinator
+        self.parameters = parameters
+        """The mission's own parameters: its PARAMETERS, as ``--set mission.parameters.NAME=VALUE`` changed them."""
 
     @property
     def track(self) -> Track:
@@ -44,49 +54,100 @@ class Drone:
         state = self._context.bus.state.latest
         return None if state is None else state.position.copy()
 
-    async def takeoff(self, height: float | None = None) -> Result:
+    @property
+    def gate_map(self) -> GateMap | None:
+        """What is known of the gates; None before the first estimate."""
+        return self._context.bus.gate_map.latest
+
+    @property
+    def battery(self) -> float | None:
+        """0..1, charge left; None before the autopilot has said so."""
+        status = self._context.autopilot.status.latest
+        return None if status is None else status.battery
+
+    async def next_frame(self) -> Frame:
+        """The next image of the camera."""
+        return await self._context.bus.frame.next()
+
+    async def takeoff(self, height: float | None = None, **options: Any) -> Result:
         """Arm and climb to ``height`` m (default: mission.takeoff_height), then hover under our command."""
-        return await self._run(Takeoff(self._context, height or self._context.config.mission.takeoff_height))
+        return await self.run("takeoff", height=height, **options)
 
-    async def hover(self, seconds: float) -> Result:
+    async def hover(self, seconds: float, **options: Any) -> Result:
         """Stay for ``seconds``."""
-        return await self._run(Hover(self._context, seconds))
+        return await self.run("hover", seconds=seconds, **options)
 
-    async def goto(self, x: float, y: float, z: float) -> Result:
+    async def goto(self, x: float, y: float, z: float, **options: Any) -> Result:
         """Fly to a point (m, world) and rest there."""
-        return await self._run(Goto(self._context, np.array((x, y, z)), self._context.config.race.timeout))
+        return await self.run("goto", point=(x, y, z), **options)
 
-    async def follow(self, waypoints: Sequence[Sequence[float]] | Vector | None = None) -> Result:
+    async def follow(self, waypoints: Sequence[Sequence[float]] | Vector | None = None, **options: Any) -> Result:
         """Fly through ``waypoints`` (n, 3) to the last; default: the track's own, then its finish."""
         if waypoints is None:
             waypoints = [*self.track.waypoints, *([self.track.finish] if self.track.finish else [])]
-        points = np.array(waypoints, float)
-        return await self._run(Follow(self._context, points, self._context.config.race.timeout))
+        points = tuple(tuple(float(value) for value in point) for point in waypoints)
+        return await self.run("follow", waypoints=points, **options)
 
     async def sway(
-        self, seconds: float, ahead: Tones = (), left: Tones = (), up: Tones = (), turn: Tones = ()
+        self, seconds: float, ahead: Tones = (), left: Tones = (), up: Tones = (), turn: Tones = (), **options: Any
     ) -> Result:
         """Sway on the spot: tones of (m, or rad of the heading; Hz), smaller where a limit asks for it."""
-        return await self._run(Swaying(self._context, Sway(seconds, ahead, left, up, turn)))
+        tones = {"ahead": tuple(ahead), "left": tuple(left), "up": tuple(up), "turn": tuple(turn)}
+        options |= {"seconds": seconds, **tones}
+        return await self.run("sway", **options)
 
-    async def race(self, laps: int | None = None) -> Result:
+    async def search(self, gate_id: int, **options: Any) -> Result:
+        """Look for a gate that is not known, all round and from further and further away."""
+        return await self.run("search", gate_id=gate_id, **options)
+
+    async def race(self, laps: int | None = None, **options: Any) -> Result:
         """Fly through the track's gates in order, then to the finish (default: where the race starts)."""
-        finish = self.track.finish
-        start = self.position
-        if finish is not None:
-            end = np.array(finish)
-        elif start is not None:
-            end = start
-        else:
-            end = np.array(self.track.start.position)
-        return await self._run(Race(self._context, laps or self._context.config.mission.laps, end))
+        return await self.run("race", laps=laps, **options)
 
-    async def land(self) -> Result:
+    async def land(self, **options: Any) -> Result:
         """Land here and disarm."""
-        return await self._run(Land(self._context))
+        return await self.run("land", **options)
 
-    async def _run(self, behavior: Behavior) -> Result:
-        result = await self._coordinator.run(behavior)
-        if not result.achieved:
-            raise BehaviorFailedError(behavior.name, result)
+    async def run(self, name: str, check: bool = True, **parameters: Any) -> Result:
+        """Have the behavior ``name`` do its work: one of ours, or of another package's entry point."""
+        async with self.activate(name, **parameters) as activation:
+            result = activation if isinstance(activation, Result) else await activation.result()
+        if check and not result.achieved:
+            raise BehaviorFailedError(name, result)
         return result
+
+    @contextlib.asynccontextmanager
+    async def activate(self, name: str, **parameters: Any) -> AsyncIterator[Activation | Result]:
+        """The behavior ``name`` at work within an ``async with``; it is stopped at the end, if it still is then.
+
+        A `Result` instead of an `Activation` says why it could not begin.
+        """
+        behavior: Behavior[Any] = find("behaviors", name)(self._context, **parameters)
+        async with self._coordinator.activate(behavior) as activation:
+            yield activation
+
+    @contextlib.asynccontextmanager
+    async def beside(self, check: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+        """Run ``check`` beside what is in the ``async with``, which it ends by raising; it is cancelled at the end."""
+        body = asyncio.current_task()
+        assert body is not None
+        failures: list[BaseException] = []
+
+        def ended(task: "asyncio.Task[None]") -> None:
+            if not task.cancelled() and (error := task.exception()) is not None:
+                failures.append(error)
+                body.cancel()
+
+        checking = asyncio.create_task(check, name="check")
+        checking.add_done_callback(ended)
+        try:
+            yield
+        except asyncio.CancelledError:
+            if not failures:
+                raise
+            body.uncancel()
+            raise failures[0] from None
+        finally:
+            checking.remove_done_callback(ended)
+            checking.cancel()
+            await asyncio.gather(checking, return_exceptions=True)

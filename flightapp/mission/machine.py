@@ -4,12 +4,13 @@ from flightapp.channel import Topic
 from flightapp.messages import Event, Phase
 
 NEXT: dict[Phase, frozenset[Phase]] = {
-    Phase.IDLE: frozenset({Phase.ARMED}),
+    Phase.IDLE: frozenset({Phase.PREFLIGHT}),
+    Phase.PREFLIGHT: frozenset({Phase.ARMED, Phase.IDLE}),
     Phase.ARMED: frozenset({Phase.TAKEOFF}),
     Phase.TAKEOFF: frozenset({Phase.FLYING}),
     Phase.FLYING: frozenset({Phase.LANDING}),
     Phase.LANDING: frozenset({Phase.LANDED}),
-    Phase.LANDED: frozenset({Phase.ARMED}),
+    Phase.LANDED: frozenset({Phase.PREFLIGHT}),
     Phase.ABORTED: frozenset(),
 }
 """What may follow what; ABORTED may follow anything."""

@@ -15,6 +15,7 @@ from flightapp.channel import Reader
 from flightapp.interfaces import Autopilot, AutopilotError
 from flightapp.messages import AutopilotStatus, Event, FlightMode, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
+from flightapp.mission.loader import MissionError
 
 ASK_AGAIN = 1.0
 """s without news of the autopilot until the landing is asked for again."""
@@ -184,6 +185,8 @@ def _ending(flying: "asyncio.Task[None]") -> Ending:
         return Ending(Outcome.GOAL_ACHIEVED, "mission complete")
     if isinstance(error, BehaviorFailedError):
         return Ending(error.result.outcome, str(error))
+    if isinstance(error, MissionError):
+        return Ending(Outcome.PROCESS_FAILURE, str(error))
     place = traceback.extract_tb(error.__traceback__)[-1]
     text = f"{place.filename}:{place.lineno}: {type(error).__name__}: {error}"
     return Ending(Outcome.PROCESS_FAILURE, text)

@@ -47,7 +47,7 @@ def _moment(before: float, after: float, ramp: float, done: float) -> float:
         return done / before
     whole = 0.5 * ramp * (before + after)
     if done >= whole:
-        return ramp + (done - whole) / after
+        return ramp + (done - whole) / after if after > 0.0 else ramp
     low, high = 0.0, ramp
     t = ramp * done / whole
     for _ in range(60):

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from fakes import FakeAutopilot, make_context, stream_states, virtually
 
-from flightapp.behaviors.base import Behavior, Coordinator, Result
+from flightapp.behaviors.coordinator import Coordinator
 from flightapp.behaviors.motion import Follow, Goto, Hover
 from flightapp.behaviors.race import Race
 from flightapp.behaviors.vertical import Land, Takeoff
 from flightapp.interfaces import Motion, PlanRequest
 from flightapp.messages import Drift, GateEstimate, GateMap, Outcome, Phase, PlanReport
-from flightapp.planning.line import Line
 from flightapp.planning.polynomial import PolynomialPlanner
 from flightapp.trajectory import hover
 
@@ -34,7 +33,7 @@ def fly(context, behavior, position=lambda t: (0.0, 0.0, 1.5), also=()):
 
 def airborne(**settings):
     context = make_context(FakeAutopilot(), **settings)
-    for phase in (Phase.ARMED, Phase.TAKEOFF, Phase.FLYING):
+    for phase in (Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.FLYING):
         context.machine.go(phase, 0.0, "test")
     context.line.accept(hover(0.0, np.array((0.0, 0.0, 1.5)), 0.0))
     return context
@@ -43,7 +42,7 @@ def airborne(**settings):
 def test_takeoff_ends_in_offboard_on_a_hover_line():
     autopilot = FakeAutopilot()
     context = make_context(autopilot)
-    result = fly(context, Takeoff(context, 1.5))
+    result = fly(context, Takeoff(context, height=1.5))
     assert result.outcome is Outcome.GOAL_ACHIEVED
     assert autopilot.calls == ["takeoff", "arm", "start_offboard"]
     assert context.machine.phase is Phase.FLYING
@@ -52,7 +51,7 @@ def test_takeoff_ends_in_offboard_on_a_hover_line():
 
 def test_takeoff_reports_why_arming_was_refused():
     context = make_context(FakeAutopilot(refuse="arm"))
-    result = fly(context, Takeoff(context, 1.5))
+    result = fly(context, Takeoff(context, height=1.5))
     assert result.outcome is Outcome.PROCESS_FAILURE
     assert "arm refused: test" in result.reason
     assert context.machine.phase is Phase.IDLE
@@ -62,7 +61,7 @@ def test_takeoff_gives_up_when_the_autopilot_never_becomes_ready():
     autopilot = FakeAutopilot()
     autopilot._set(ready=False)
     context = make_context(autopilot, mission__takeoff_timeout=5.0)
-    result = fly(context, Takeoff(context, 1.5))
+    result = fly(context, Takeoff(context, height=1.5))
     assert result.outcome is Outcome.TIME_OUT
     assert autopilot.calls == []
 
@@ -75,7 +74,7 @@ def test_takeoff_notices_a_climb_that_was_broken_off():
         await asyncio.sleep(1.0)
         await autopilot.land()
 
-    result = fly(context, Takeoff(context, 1.5), also=[pilot()])
+    result = fly(context, Takeoff(context, height=1.5), also=[pilot()])
     assert result.outcome is Outcome.WRONG_PROGRESS
 
 
@@ -90,42 +89,11 @@ def test_land_waits_until_disarmed():
 
 def test_a_behavior_out_of_its_phase_is_refused_and_changes_nothing():
     context = make_context(FakeAutopilot())
-    result = fly(context, Hover(context, 1.0))
+    context.machine.go(Phase.ABORTED, 0.0, "test")
+    result = fly(context, Hover(context, seconds=1.0))
     assert result.outcome is Outcome.PROCESS_FAILURE
-    assert "hover needs the phase flying, but it is idle" in result.reason
-
-
-def test_only_one_behavior_holds_the_motion_command():
-    context = airborne()
-
-    async def main():
-        coordinator = Coordinator(context)
-        states = asyncio.create_task(stream_states(context))
-        await asyncio.sleep(0.05)
-        first = asyncio.create_task(coordinator.run(Hover(context, 3.0)))
-        await asyncio.sleep(1.0)
-        second = await coordinator.run(Hover(context, 1.0))
-        states.cancel()
-        return await first, second
-
-    first, second = virtually(main())
-    assert first.outcome is Outcome.GOAL_ACHIEVED
-    assert second.outcome is Outcome.PROCESS_FAILURE
-    assert "hover is active" in second.reason
-
-
-def test_an_exception_becomes_a_process_failure():
-    context = airborne()
-
-    class Broken(Behavior):
-        name = "broken"
-
-        async def run(self) -> Result:
-            raise ZeroDivisionError("test")
-
-    result = fly(context, Broken(context, 1.0))
-    assert result.outcome is Outcome.PROCESS_FAILURE
-    assert result.reason == "ZeroDivisionError: test"
+    assert "hover needs the phase flying, but it is aborted" in result.reason
+    assert context.autopilot.calls == []
 
 
 def planned(context, end, delay=0.1, refuse=""):
@@ -148,14 +116,14 @@ END = (3.0, 0.0, 1.5)
 
 def test_follow_arrives():
     context = airborne()
-    follow = Follow(context, np.array([[1.0, 0.0, 1.5], END]), 20.0)
+    follow = Follow(context, waypoints=[[1.0, 0.0, 1.5], END], timeout=20.0)
     result = fly(context, follow, lambda t: (min(t, 1.0) * 3.0, 0.0, 1.5), [planned(context, END)])
     assert result.outcome is Outcome.GOAL_ACHIEVED
 
 
 def test_goto_asks_for_a_line_to_its_point():
     context = airborne()
-    result = fly(context, Goto(context, np.array(END), 20.0), lambda t: END, [planned(context, END)])
+    result = fly(context, Goto(context, point=END, timeout=20.0), lambda t: END, [planned(context, END)])
     assert result.outcome is Outcome.GOAL_ACHIEVED
     goal = context.bus.goal.latest
     request = PlanRequest(0.0, Motion(*np.zeros((4, 3)), 0.0, 0.0), (), goal.end, goal.limits)
@@ -165,14 +133,14 @@ def test_goto_asks_for_a_line_to_its_point():
 
 def test_follow_that_does_not_get_there_is_wrong_progress():
     context = airborne()
-    follow = Follow(context, np.array([END]), 20.0)
+    follow = Follow(context, waypoints=[END], timeout=20.0)
     result = fly(context, follow, also=[planned(context, END)])
     assert result.outcome is Outcome.WRONG_PROGRESS
 
 
 def test_follow_without_a_plan_is_a_process_failure():
     context = airborne()
-    follow = Follow(context, np.array([END]), 20.0)
+    follow = Follow(context, waypoints=[END], timeout=20.0)
     result = fly(context, follow, also=[planned(context, END, refuse="contradiction")])
     assert result.outcome is Outcome.PROCESS_FAILURE
     assert "contradiction" in result.reason
@@ -180,7 +148,7 @@ def test_follow_without_a_plan_is_a_process_failure():
 
 def test_follow_times_out():
     context = airborne()
-    result = fly(context, Follow(context, np.array([END]), 2.0))
+    result = fly(context, Follow(context, waypoints=[END], timeout=2.0))
     assert result.outcome is Outcome.TIME_OUT
 
 
@@ -190,14 +158,22 @@ def gate_map(sigma=0.05, sightings=10):
     return GateMap(0.0, 1, gates, Drift(0.0, np.zeros(3), 0.0, np.zeros((4, 4))))
 
 
-FINISH = np.array((24.0, 0.0, 1.5))
+FINISH = (24.0, 0.0, 1.5)
+
+
+def a_race(context):
+    """One lap."""
+    return Race(context, laps=1, finish=FINISH)
 
 
 def test_race_counts_gates_and_ends_at_the_finish():
     context = airborne()
     context.bus.gate_map.publish(gate_map())
     result = fly(
-        context, Race(context, 1, FINISH), lambda t: (min(4.0 * t, 24.0), 0.0, 1.5), [planned(context, FINISH)]
+        context,
+        a_race(context),
+        lambda t: (min(4.0 * t, 24.0), 0.0, 1.5),
+        [planned(context, FINISH)],
     )
     assert result.outcome is Outcome.GOAL_ACHIEVED
     assert "2 gates" in result.reason
@@ -206,7 +182,7 @@ def test_race_counts_gates_and_ends_at_the_finish():
 def test_race_notices_a_gate_that_was_missed():
     context = airborne(race__attempts=1)
     context.bus.gate_map.publish(gate_map())
-    result = fly(context, Race(context, 1, FINISH), lambda t: (4.0 * t, 1.2, 1.5), [planned(context, FINISH)])
+    result = fly(context, a_race(context), lambda t: (4.0 * t, 1.2, 1.5), [planned(context, FINISH)])
     assert result.outcome is Outcome.WRONG_PROGRESS
     assert "gate 1 missed by 1.20 m" in result.reason
 
@@ -216,28 +192,8 @@ def test_race_looks_around_for_a_gate_and_gives_up_in_the_end():
     context.bus.gate_map.publish(gate_map(sigma=1.5, sightings=0))
     lines = []
     context.bus.trajectory.tap(lines.append)
-    result = fly(context, Race(context, 1, FINISH))
+    result = fly(context, a_race(context))
     assert result.outcome is Outcome.WRONG_PROGRESS
     assert "gate 1 was not found" in result.reason
     turned = np.ptp(np.concatenate([line.sample(np.linspace(0.0, line.duration, 50)).yaw for line in lines]))
     assert turned > np.radians(100.0)
-
-
-def test_a_cancelled_behavior_frees_the_motion_command():
-    context = airborne()
-
-    async def main():
-        coordinator = Coordinator(context)
-        states = asyncio.create_task(stream_states(context))
-        await asyncio.sleep(0.05)
-        task = asyncio.create_task(coordinator.run(Hover(context, 30.0)))
-        await asyncio.sleep(1.0)
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-        states.cancel()
-        return coordinator.active, context.line
-
-    active, line = virtually(main())
-    assert active is None
-    assert isinstance(line, Line)
-    assert line.latest is not None

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from fakes import TRACK, FakeAutopilot, make_context, stream_states, virtually
 
-from flightapp.behaviors.base import Coordinator
+from flightapp.behaviors.coordinator import Coordinator
 from flightapp.behaviors.race import Race
 from flightapp.behaviors.search import Search
 from flightapp.messages import Drift, GateEstimate, GateMap, Outcome, Phase, PlanReport
 from flightapp.trajectory import hover
 
 HOME = np.array((0.0, 0.0, 1.5))
-FINISH = np.array((24.0, 0.0, 1.5))
+FINISH = (24.0, 0.0, 1.5)
 
 
 def airborne(**settings):
     context = make_context(FakeAutopilot(), **settings)
     context = replace(context, track=TRACK.without_places())
-    for phase in (Phase.ARMED, Phase.TAKEOFF, Phase.FLYING):
+    for phase in (Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.FLYING):
         context.machine.go(phase, 0.0, "test")
     context.line.accept(hover(0.0, HOME, 0.0))
     context.bus.gate_map.publish(gate_map())
@@ -78,10 +78,15 @@ async def appears(context, after, *places, **kind):
     context.bus.gate_map.publish(gate_map(*places, **kind))
 
 
+def search(context, gate_id, seconds):
+    """Beginning ahead."""
+    return Search(context, gate_id=gate_id, ahead=0.0, seconds=seconds)
+
+
 def test_a_gate_that_appears_during_the_first_turn_ends_the_search_at_once():
     context = airborne()
     planning = Planning(context)
-    result, now = fly(context, Search(context, 1, 0.0, 100.0), planning, appears(context, 2.0, (1, 8.0)))
+    result, now = fly(context, search(context, 1, 100.0), planning, appears(context, 2.0, (1, 8.0)))
     assert result.outcome is Outcome.GOAL_ACHIEVED
     assert now == pytest.approx(2.0, abs=0.2)
     assert planning.places == []
@@ -92,7 +97,7 @@ def test_the_search_turns_all_round_first_and_then_widens_within_the_geofence():
     planning = Planning(context)
     scans = []
     context.bus.trajectory.tap(lambda scan: scans.append((context.now(), scan)))
-    result, _ = fly(context, Search(context, 1, 0.0, 120.0), planning)
+    result, _ = fly(context, search(context, 1, 120.0), planning)
     assert result.outcome is Outcome.WRONG_PROGRESS
     assert "gate 1 was not found within 120 s" in result.reason
     yaw = scans[0][1].sample(np.linspace(0.0, scans[0][1].duration, 300)).yaw
@@ -105,7 +110,7 @@ def test_the_search_turns_all_round_first_and_then_widens_within_the_geofence():
 
 def test_another_gate_does_not_end_the_search():
     context = airborne()
-    result, now = fly(context, Search(context, 1, 0.0, 30.0), Planning(context), appears(context, 2.0, (2, 8.0)))
+    result, now = fly(context, search(context, 1, 30.0), Planning(context), appears(context, 2.0, (2, 8.0)))
     assert result.outcome is Outcome.WRONG_PROGRESS
     assert now > 30.0
 
@@ -115,7 +120,7 @@ def test_a_gate_known_roughly_is_looked_for_from_its_front_until_it_is_known_wel
     context.bus.gate_map.publish(gate_map((1, 12.0), sigma=1.5))
     planning = Planning(context)
     known = appears(context, 20.0, (1, 12.0))
-    result, now = fly(context, Search(context, 1, 0.0, 100.0), planning, known)
+    result, now = fly(context, search(context, 1, 100.0), planning, known)
     assert result.outcome is Outcome.GOAL_ACHIEVED
     assert now == pytest.approx(20.0, abs=0.2)
     assert planning.places[0] == pytest.approx((12.0 - context.config.race.standoff, 0.0, 1.5))
@@ -124,7 +129,7 @@ def test_a_gate_known_roughly_is_looked_for_from_its_front_until_it_is_known_wel
 def test_places_that_cannot_be_reached_are_left_out():
     context = airborne()
     planning = Planning(context, refuse="something is in the way")
-    result, _ = fly(context, Search(context, 1, 0.0, 40.0), planning)
+    result, _ = fly(context, search(context, 1, 40.0), planning)
     assert result.outcome is Outcome.WRONG_PROGRESS
     assert len({tuple(place) for place in planning.places}) > 10
 
@@ -132,7 +137,7 @@ def test_places_that_cannot_be_reached_are_left_out():
 def test_a_race_searches_for_a_gate_and_then_goes_on():
     context = airborne()
     planning = Planning(context)
-    race = Race(context, 1, FINISH)
+    race = Race(context, laps=1, finish=FINISH)
     events = []
     context.bus.event.tap(lambda event: events.append(event.text))
 
@@ -151,8 +156,8 @@ def test_a_race_searches_for_a_gate_and_then_goes_on():
     virtually(both())
     assert any("gate 1 is searched for" in text for text in events)
     assert any("gate 1 found after" in text for text in events)
-    assert planning.goals[-1].gate_ids == (1, 2)
-    assert planning.goals[-1].serial != planning.goals[0].serial
+    assert planning.goals[-2].gate_ids == (1, 2)
+    assert planning.goals[-2].serial != planning.goals[0].serial
 
 
 def test_a_gate_that_was_missed_is_flown_at_again_from_its_front_before_the_race_is_given_up():
@@ -163,7 +168,7 @@ def test_a_gate_that_was_missed_is_flown_at_again_from_its_front_before_the_race
     def twice_beside(t):
         return (4.0 * (t % 4.0), 1.2, 1.5)
 
-    result, _ = fly(context, Race(context, 1, FINISH), planning, position=twice_beside)
+    result, _ = fly(context, Race(context, laps=1, finish=FINISH), planning, position=twice_beside)
     assert result.outcome is Outcome.WRONG_PROGRESS
     assert "gate 1 missed by 1.20 m" in result.reason
     way = next(goal for goal in planning.goals if goal.waypoints is not None)

@@ -18,11 +18,11 @@ def test_a_flight_goes_through_its_phases_and_tells_why():
     m, phases, events = machine()
     log = []
     events.tap(log.append)
-    order = (Phase.ARMED, Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.LANDED, Phase.ARMED)
+    order = (Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.LANDED, Phase.PREFLIGHT)
     for stamp, phase in enumerate(order):
         m.go(phase, float(stamp), f"cause {stamp}")
-    assert phases.latest is Phase.ARMED
-    assert [e.text for e in log][1] == "takeoff: cause 1"
+    assert phases.latest is Phase.PREFLIGHT
+    assert [e.text for e in log][2] == "takeoff: cause 2"
     assert len(log) == len(order)
 
 
@@ -41,6 +41,6 @@ def test_only_what_is_declared_is_possible(start, target):
 
 def test_staying_is_not_logged():
     m, _, events = machine()
-    m.go(Phase.ARMED, 0.0, "a")
-    m.go(Phase.ARMED, 1.0, "b")
+    m.go(Phase.PREFLIGHT, 0.0, "a")
+    m.go(Phase.PREFLIGHT, 1.0, "b")
     assert events.count == 1

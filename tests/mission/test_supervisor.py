@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from fakes import FakeAutopilot, make_context, stream_states, virtually
 
-from flightapp.behaviors.base import Coordinator
+from flightapp.behaviors.coordinator import Coordinator
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import Event, FlightMode, Outcome, Phase
 from flightapp.mission.drone import Drone
@@ -21,7 +21,7 @@ def fly(mission, autopilot=None, work=None, taken_over=False, during=None):
     context = make_context(autopilot)
 
     async def main():
-        drone = Drone(context, Coordinator(context))
+        drone = Drone(context, Coordinator(context), {})
         tasks = {"states": stream_states(context), **(work(context) if work else {})}
         beside = asyncio.create_task(during(context)) if during else None
         ending = await Supervisor(context, SimpleNamespace(taken_over=taken_over)).run(
