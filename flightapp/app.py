@@ -15,7 +15,7 @@ from typing import Any
 from flightapp import tasks
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.autopilot.sender import SenderReport
-from flightapp.behaviors.base import Context
+from flightapp.behaviors.base import Context, Result
 from flightapp.behaviors.coordinator import Coordinator
 from flightapp.bus import Bus
 from flightapp.channel import Topic
@@ -26,6 +26,7 @@ from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
 from flightapp.mission.loader import MissionFile, load_mission
 from flightapp.mission.machine import MissionMachine
+from flightapp.mission.rehearsal import Rehearsed, rehearse
 from flightapp.mission.supervisor import Ending, Supervisor
 from flightapp.modules import find
 from flightapp.perception.camera import CameraModel
@@ -81,6 +82,12 @@ def prepare(plan: FlightPlan) -> tuple[MissionFile, Config]:
     for kind, name in _modules(config).items():
         find(kind, name)
     return mission, config
+
+
+def dry_run(plan: FlightPlan) -> tuple[list[Rehearsed], Result]:
+    """What the mission of ``plan`` would do, without a vehicle; raises `BadInputError` as a flight would."""
+    mission, config = prepare(plan)
+    return rehearse(mission, config, with_map(told(mission.track, config), config))
 
 
 def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:

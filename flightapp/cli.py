@@ -71,8 +71,16 @@ def fly(
     overrides: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="run directory; default: a new one in runs/")] = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="simulate on the wall clock")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="list what the mission would do if all went well, without flying")
+    ] = False,
 ) -> None:
     """Fly a mission; exit status 0 only if it reached its goal."""
+    if dry_run:
+        steps, result = app.dry_run(app.FlightPlan(mission, Path(), vehicle=vehicle, overrides=tuple(overrides or ())))
+        console.print(display.rehearsal_table(steps))
+        console.print(f"{result.outcome}: {result.reason}; nothing was flown", highlight=False)
+        raise typer.Exit(0 if result.achieved else 1)
     if sim == (connect is not None) or (mavlink and not sim):
         raise BadInputError(
             "say what to fly: --sim for the simulation in this process, --sim --mavlink for one behind MAVLink,"
@@ -125,14 +133,16 @@ def report(
 
 @cli.command()
 def check(
-    files: Annotated[list[Path] | None, typer.Argument(help="missions (.py), tracks and vehicle files (.toml)")] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="missions (.py, .toml), tracks and vehicle files (.toml)")
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Validate files without flying; print the effective configuration."""
     for file in files or []:
-        if file.suffix == ".py":
+        if file.suffix == ".py" or results.looks_like_mission(file):
             mission = load_mission(file)
-            load_config(None, mission.settings, overrides or ())
+            mission.set_parameters(load_config(None, mission.settings, overrides or ()))
             console.print(f"# {file}: a mission on track '{mission.track.name}'", highlight=False)
         elif results.looks_like_track(file):
             console.print(f"# {file}: track '{load_track(file).name}'", highlight=False)

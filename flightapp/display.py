@@ -2,18 +2,20 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.status import Status
+from rich.table import Table
 
 from flightapp.app import Watch
 from flightapp.bus import Bus
 from flightapp.interfaces import Rig
 from flightapp.messages import Event
+from flightapp.mission.rehearsal import Rehearsed
 
 REFRESH = 0.1
 """s on the wall between updates."""
@@ -99,3 +101,23 @@ def bar(console: Console, total: int) -> Iterator[Callable[[bool], None]]:
             shown.update(task, advance=1, description=f"flying, {good} good")
 
         yield advance
+
+
+def rehearsal_table(steps: Sequence[Rehearsed]) -> Table:
+    """What a mission would do."""
+    table = Table(title="What the mission would do", title_justify="left")
+    table.add_column("", justify="right")
+    for name in ("behavior", "parameters", "then at (m)", ""):
+        table.add_column(name)
+    for number, step in enumerate(steps, start=1):
+        given = ", ".join(f"{key}={_short(value)}" for key, value in step.parameters.items())
+        place = ", ".join(f"{value:.1f}" for value in step.destination)
+        table.add_row(str(number), step.name, given, place, step.note)
+    return table
+
+
+def _short(value: object) -> str:
+    """``value`` in words, unless it is long."""
+    if isinstance(value, tuple) and len(value) > 3:
+        return f"({len(value)} of them)"
+    return repr(value)

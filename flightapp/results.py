@@ -105,6 +105,11 @@ def looks_like_track(file: Path) -> bool:
     return bool({"gates", "waypoints", "start"} & read_toml(file, "file").keys())
 
 
+def looks_like_mission(file: Path) -> bool:
+    """Whether a TOML file describes a mission."""
+    return "steps" in read_toml(file, "file")
+
+
 def write_json(path: Path | None, result: dict[str, Any]) -> None:
     """Write ``result`` to ``path``, if there is one; raises `BadInputError` where that cannot be."""
     if path is not None:

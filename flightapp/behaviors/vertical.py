@@ -202,6 +202,14 @@ class Land(Behavior[Parameters]):
         return (self._from - float(state.position[2])) / (self._from - ground)
 
     @property
+    def destination(self) -> Vector | None:
+        """Below, as high as the start."""
+        state = self.context.bus.state.latest
+        if state is None:
+            return None
+        return np.array((*state.position[:2], self.context.track.start.position[2]))
+
+    @property
     def leads_to(self) -> Phase:
         """The ground."""
         return Phase.LANDED

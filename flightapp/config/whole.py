@@ -93,7 +93,8 @@ def load_config(
                 continue
             merged = data.setdefault(section, {})
             for key, value in table.items():
-                merged[key] = value
+                both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+                merged[key] = merged[key] | value if both else value
                 origin[section, key] = source
     everything = ", ".join(source for source, _ in layers) or "defaults"
     return validate(Config, data, lambda at: origin.get(at[:2], origin.get(at[:1], everything)))
@@ -107,7 +108,11 @@ def dump_config(config: Config) -> str:
         table = tomlkit.table()
         for key, sub_field in type(section).model_fields.items():
             value = getattr(section, key)
-            item = tomlkit.item(list(value) if isinstance(value, tuple) else value)
+            if isinstance(value, dict):
+                item: Any = tomlkit.inline_table()
+                item.update(value)
+            else:
+                item = tomlkit.item(list(value) if isinstance(value, tuple) else value)
             item.comment(sub_field.description or "")
             table.add(key, item)
         document.add(name, table)
@@ -121,7 +126,9 @@ def _nested(settings: Iterable[tuple[str, Any]], source: str) -> dict[str, Any]:
         if not separator or not section or not name:
             sections = ", ".join(Config.model_fields)
             raise BadInputError(f"{source}: '{key}': expected section.key, with one of the sections {sections}")
-        data.setdefault(section, {})[name] = value
+        name, inner, part = name.partition(".")
+        table = data.setdefault(section, {})
+        table[name] = {**table.get(name, {}), part: value} if inner else value
     return data
 
 

@@ -3,10 +3,10 @@
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Coroutine, Mapping, Sequence
-from typing import Any
+from contextlib import AbstractAsyncContextManager
+from typing import Any, Protocol
 
 from flightapp.behaviors.base import Behavior, Context, Result
-from flightapp.behaviors.coordinator import Activation, Coordinator
 from flightapp.frames import Vector
 from flightapp.messages import Frame, GateMap
 from flightapp.modules import find
@@ -24,6 +24,36 @@ class BehaviorFailedError(Exception):
         self.result = result
 
 
+class Activated(Protocol):
+    """A behavior at work."""
+
+    @property
+    def done(self) -> bool:
+        """Whether it has ended."""
+        ...
+
+    @property
+    def progress(self) -> float:
+        """How much of it is done, 0 to 1."""
+        ...
+
+    async def result(self) -> Result:
+        """How it ended; waits for that."""
+        ...
+
+    async def stop(self, why: str) -> Result:
+        """End it."""
+        ...
+
+
+class Activator(Protocol):
+    """Who has behaviors do their work."""
+
+    def activate(self, behavior: Behavior[Any]) -> AbstractAsyncContextManager[Activated | Result]:
+        """``behavior`` at work within an ``async with``; a `Result` where it is refused."""
+        ...
+
+
 class Drone:
     """What a mission can have the drone do.
 
@@ -32,7 +62,7 @@ class Drone:
     in s. Cancelling one (as `asyncio.timeout` does) stops the vehicle along its line.
     """
 
-    def __init__(self, context: Context, coordinator: Coordinator, parameters: Mapping[str, Setting]) -> None:
+    def __init__(self, context: Context, coordinator: Activator, parameters: Mapping[str, Setting]) -> None:
         self._context = context
         self._coordinator = coordinator
         self.parameters = parameters
@@ -117,10 +147,10 @@ class Drone:
         return result
 
     @contextlib.asynccontextmanager
-    async def activate(self, name: str, **parameters: Any) -> AsyncIterator[Activation | Result]:
+    async def activate(self, name: str, **parameters: Any) -> AsyncIterator[Activated | Result]:
         """The behavior ``name`` at work within an ``async with``; it is stopped at the end, if it still is then.
 
-        A `Result` instead of an `Activation` says why it could not begin.
+        A `Result` instead says why it could not begin.
         """
         behavior: Behavior[Any] = find("behaviors", name)(self._context, **parameters)
         async with self._coordinator.activate(behavior) as activation:

@@ -8,7 +8,7 @@ from flightapp.config import load_config
 from flightapp.inputs import BadInputError
 from flightapp.mission.loader import load_mission
 
-MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.py"))
+MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.*"))
 TRACK = "[start]\nposition = [0.0, 0.0, 0.0]\n"
 
 
@@ -37,3 +37,50 @@ def test_a_bad_mission_is_told_by_file_and_line(tmp_path, text, expected):
     (tmp_path / "t.toml").write_text('name = "t"\nwaypoints = [[0.0, 0.0, 1.0]]\n' + TRACK)
     with pytest.raises(BadInputError, match=expected):
         load_mission(path)
+
+
+STEP = '[[steps]]\ndo = "takeoff"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("track = 't.toml'\nsteps = []\n", "m.toml: 'steps'"),
+        (STEP, "m.toml: 'track' is missing"),
+        ("track = 't.toml'\n" + STEP + "height = 'high'\n", "step 1: behavior takeoff: 'height' = 'high'"),
+        ("track = 't.toml'\n" + STEP + "heigth = 2.0\n", "step 1: .*unknown key 'heigth'; did you mean 'height'"),
+        ("track = 't.toml'\n" + STEP + '[[steps]]\ndo = "hovver"\n', "step 2: .*did you mean 'hover'"),
+        ("track = 't.toml'\n" + STEP + "on_failure = 'cry'\n", "on_failure"),
+        ("track = 't.toml'\nsteps = 3\n", "m.toml: 'steps' = 3"),
+    ],
+)
+def test_a_bad_list_of_steps_is_told_by_step(tmp_path, text, expected):
+    path = tmp_path / "m.toml"
+    path.write_text(text)
+    (tmp_path / "t.toml").write_text('name = "t"\nwaypoints = [[0.0, 0.0, 1.0]]\n' + TRACK)
+    with pytest.raises(BadInputError, match=expected):
+        load_mission(path)
+
+
+@pytest.mark.parametrize("value", ["3", "[1]", "{1: 2}", '{"a": None}'])
+def test_parameters_that_are_none_are_told(tmp_path, value):
+    path = tmp_path / "m.py"
+    path.write_text(f"TRACK = 't.toml'\nPARAMETERS = {value}\nasync def mission(drone): pass\n")
+    with pytest.raises(BadInputError, match="PARAMETERS must be a dict"):
+        load_mission(path)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("mission.parameters.round=1", "has no parameter 'round'; it has fast, rounds"),
+        ("mission.parameters.rounds=true", "of the type int"),
+        ("mission.parameters.fast=1", "of the type bool"),
+    ],
+)
+def test_parameters_are_what_the_mission_says(tmp_path, setting, words):
+    path = tmp_path / "m.py"
+    path.write_text("TRACK = 't.toml'\nPARAMETERS = {'rounds': 2, 'fast': False}\nasync def mission(drone): pass\n")
+    (tmp_path / "t.toml").write_text('name = "t"\nwaypoints = [[0.0, 0.0, 1.0]]\n' + TRACK)
+    with pytest.raises(BadInputError, match=words):
+        load_mission(path).set_parameters(load_config(None, None, [setting]))

@@ -215,3 +215,57 @@ def test_an_autopilot_that_does_not_land_is_reported():
 
     fly(up_and_down, FakeAutopilot(refuse="land"), work=work, during=fault)
     assert any("landing not confirmed" in event.text for event in events)
+
+
+def test_a_check_beside_the_flight_ends_it_by_raising():
+    async def check():
+        await asyncio.sleep(6.0)
+        raise ValueError("dark")
+
+    async def mission(drone):
+        await drone.takeoff()
+        async with drone.beside(check()):
+            await drone.hover(60.0)
+
+    ending, _, autopilot = fly(mission)
+    assert ending.outcome is Outcome.PROCESS_FAILURE
+    assert "ValueError: dark" in ending.reason
+    assert not autopilot.status.latest.armed
+
+
+def test_a_check_beside_the_flight_is_over_with_it():
+    ended = []
+
+    async def check():
+        try:
+            await asyncio.sleep(1000.0)
+        finally:
+            ended.append(True)
+
+    async def mission(drone):
+        await drone.takeoff()
+        async with drone.beside(check()):
+            await drone.hover(2.0)
+        await drone.land()
+
+    ending, _, _ = fly(mission)
+    assert ending.outcome is Outcome.GOAL_ACHIEVED
+    assert ended == [True]
+
+
+def test_a_mission_branches_on_a_result_and_on_a_timeout_of_its_own():
+    results = []
+
+    async def mission(drone):
+        await drone.takeoff()
+        results.append(await drone.follow([[1.0, 0.0, 1.5]], timeout=2.0, check=False))
+        try:
+            async with asyncio.timeout(1.0):
+                await drone.hover(60.0)
+        except TimeoutError:
+            results.append(await drone.hover(1.0))
+        await drone.land()
+
+    ending, _, _ = fly(mission)
+    assert ending.outcome is Outcome.GOAL_ACHIEVED
+    assert [result.outcome for result in results] == [Outcome.TIME_OUT, Outcome.GOAL_ACHIEVED]
