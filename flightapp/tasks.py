@@ -126,8 +126,10 @@ async def planning(rig: Rig, bus: Bus, modules: Modules, config: Config, line: L
     bus.gate_map.tap(lambda _: changed.set())
     answerer = Answerer(config, modules.planner, modules.navigator.pacer)
     while True:
+        # Not wait_for: before Python 3.12 it loses a cancellation that comes together with what it waits for.
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(changed.wait(), LOOK)
+            async with asyncio.timeout(LOOK):
+                await changed.wait()
         changed.clear()
         goal = bus.goal.latest
         if goal is None or line.latest is None:

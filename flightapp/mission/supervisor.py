@@ -138,7 +138,8 @@ class Supervisor:
                 except AutopilotError as error:
                     self._event(str(error))
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(status.newest(), ASK_AGAIN)
+                async with asyncio.timeout(ASK_AGAIN):
+                    await status.newest()
 
     async def _hear(self, autopilot: Autopilot) -> None:
         """Wait for what the autopilot says from now on, and not for what has been waiting for us."""

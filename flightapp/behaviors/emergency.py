@@ -1,0 +1,79 @@
+"""Down, whatever else is going on: by the autopilot's own landing, asked for until it answers or a pilot flies."""
+
+import asyncio
+import contextlib
+
+from flightapp.autopilot.guard import SETTLE
+from flightapp.behaviors.base import Behavior, Context, Parameters, Result
+from flightapp.behaviors.vertical import LANDING
+from flightapp.channel import Reader
+from flightapp.interfaces import AutopilotError
+from flightapp.messages import AutopilotStatus, Event, FlightMode, Outcome, Phase
+
+ASK_AGAIN = 1.0
+"""s without news of the autopilot until the landing is asked for again."""
+NEWS = 0.3
+"""s that a landing waits at most for the autopilot's present mode: after a stall of the process a pilot may fly."""
+PILOTED = frozenset(FlightMode) - LANDING - {FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD}
+"""Modes that the application never asks for."""
+
+
+class Emergency(Behavior[Parameters]):
+    """Break everything off and land, until the motors are off or a pilot flies."""
+
+    name = "emergency"
+    phases = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FLYING, Phase.LANDING, Phase.ABORTED})
+    fresh = ()
+    needs = ()
+    priority = 100
+
+    @property
+    def timeout(self) -> float:
+        """`mission.land_timeout`."""
+        own = self.context.config.mission.land_timeout
+        return own if self.parameters.timeout is None else self.parameters.timeout
+
+    @property
+    def leads_to(self) -> Phase:
+        """Nothing follows it."""
+        return Phase.ABORTED
+
+    async def run(self) -> Result:
+        """No line any more; land, again while nobody answers."""
+        context = self.context
+        context.machine.go(Phase.ABORTED, context.now(), "emergency")
+        context.bus.goal.publish(None)
+        context.line.clear()
+        await heard(context)
+        status, asked = Reader(context.autopilot.status), False
+        while not down(latest := context.autopilot.status.latest):
+            if latest is not None and latest.mode in PILOTED:
+                return Result(Outcome.WRONG_PROGRESS, f"a pilot flies: mode {latest.mode}")
+            # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
+            if not asked:
+                try:
+                    await context.autopilot.land()
+                    asked = True
+                except AutopilotError as error:
+                    context.bus.event.publish(Event(context.now(), "fault", str(error)))
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(ASK_AGAIN):
+                    await status.newest()
+        return Result(Outcome.GOAL_ACHIEVED, "disarmed")
+
+    def stopped(self) -> None:
+        """Nothing: the autopilot goes on landing."""
+
+
+async def heard(context: Context) -> None:
+    """Wait for what the autopilot says from now on, and not for what has been waiting for us."""
+    begun, status = context.now(), Reader(context.autopilot.status)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(NEWS):
+            while (await status.newest()).stamp < begun + SETTLE:
+                pass
+
+
+def down(status: AutopilotStatus | None) -> bool:
+    """Whether the motors are known to be off."""
+    return status is not None and not status.armed
