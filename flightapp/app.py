@@ -160,7 +160,8 @@ def _wire(
     modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)
     context = Context(bus, config, rig.autopilot, line, machine, known, modules.guard.release)
-    drone = Drone(context, Coordinator(context), mission.set_parameters(config))
+    coordinator = Coordinator(context)
+    drone = Drone(context, coordinator, mission.set_parameters(config))
     if watch is not None:
         watch(bus, rig)
 
@@ -180,7 +181,9 @@ def _wire(
             bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
         try:
             with hangups(retune):
-                return await Supervisor(context, modules.guard).run(work, rig.autopilot, lambda: mission.run(drone))
+                return await Supervisor(context, modules.guard).run(
+                    work, rig.autopilot, lambda: coordinator.oversee(mission.run(drone))
+                )
         finally:
             if track := mapped(known, modules.estimator.places()):
                 write_map(out / "map.toml", track)

@@ -49,6 +49,15 @@ class FakeAutopilot:
         latest = self.status.latest
         self.status.publish(replace(latest, **changes) if latest else AutopilotStatus(**changes))
 
+    def _later(self, seconds, while_in, **changes):
+        """Do ``changes`` after some time, if it is in the mode ``while_in`` then."""
+
+        def do():
+            if self.status.latest.mode is while_in:
+                self._set(**changes)
+
+        asyncio.get_running_loop().call_later(seconds, do)
+
     def _called(self, name):
         self.calls.append(name)
         if name == self.refuse:
@@ -64,7 +73,7 @@ class FakeAutopilot:
     async def arm(self):
         self._called("arm")
         self._set(armed=True, landed=False)
-        asyncio.get_running_loop().call_later(2.0, lambda: self._set(mode=FlightMode.HOLD))
+        self._later(2.0, FlightMode.TAKEOFF, mode=FlightMode.HOLD)
 
     async def disarm(self):
         self._called("disarm")
@@ -85,7 +94,7 @@ class FakeAutopilot:
     async def land(self):
         self._called("land")
         self._set(mode=FlightMode.LAND)
-        asyncio.get_running_loop().call_later(3.0, lambda: self._set(armed=False, landed=True))
+        self._later(3.0, FlightMode.LAND, armed=False, landed=True)
 
     def send(self, command):
         self.sent.append(command)

@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any
 
 from flightapp.behaviors.base import Behavior, Context, Result
@@ -125,6 +125,7 @@ class Coordinator:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._active: list[Activation] = []
+        self._over = False
 
     @property
     def active(self) -> tuple[AnyBehavior, ...]:
@@ -135,6 +136,14 @@ class Coordinator:
     def holder(self) -> AnyBehavior | None:
         """The behavior that holds the motion command; without one the line's end is held, or the autopilot flies."""
         return next((behavior for behavior in self.active if behavior.moves), None)
+
+    async def oversee(self, mission: Awaitable[None]) -> None:
+        """Wait for ``mission``, then stop what it left at work; whatever its own tasks still ask for is refused."""
+        try:
+            await mission
+        finally:
+            self._over = True
+            await asyncio.gather(*(activation.stop("the mission is over") for activation in self._active))
 
     async def run(self, behavior: AnyBehavior) -> Result:
         """Activate ``behavior`` and wait until it ends; never raises but for cancellation, which stops it."""
@@ -210,6 +219,8 @@ class Coordinator:
                     return Result(result.outcome, f"it needs {name}, which ended: {result.reason}")
             if (refused := await self._stop_lower(behavior)) is not None:  # others may have begun meanwhile
                 return refused
+        if self._over:
+            return Result(Outcome.INTERRUPTED, "refused: the mission is over")
         if refusal := behavior.refusal():
             return Result(Outcome.PROCESS_FAILURE, refusal)
         return None

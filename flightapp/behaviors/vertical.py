@@ -24,6 +24,8 @@ STEADY_TIME = 0.7
 """s"""
 ARM_PATIENCE = 8.0
 """s during which arming is tried again."""
+ARM_AGAIN = 0.5
+"""s between two attempts."""
 
 
 LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
@@ -82,8 +84,7 @@ class Takeoff(Behavior[TakeoffParameters]):
 
     def refusal(self) -> str:
         """Also where the vehicle is armed already: then somebody flies it."""
-        status = self.context.autopilot.status.latest
-        armed = status is not None and status.armed
+        armed = self._is_armed()
         return super().refusal() or ("takeoff needs a disarmed vehicle, but it is armed" if armed else "")
 
     async def run(self) -> Result:
@@ -109,10 +110,15 @@ class Takeoff(Behavior[TakeoffParameters]):
         return Result(Outcome.GOAL_ACHIEVED, f"hovering {here.position[2] - self._ground:.1f} m above the ground")
 
     def stopped(self) -> None:
-        """Nothing but what all do; before anything is armed, the mission is where it was."""
+        """What all do; before anything is armed, the mission is where it was."""
         super().stopped()
         if self.context.machine.phase is Phase.PREFLIGHT:
-            self.context.machine.go(Phase.IDLE, self.context.now(), "the takeoff was broken off")
+            target = Phase.ARMED if self._is_armed() else Phase.IDLE
+            self.context.machine.go(target, self.context.now(), "the takeoff was broken off")
+
+    def _is_armed(self) -> bool:
+        status = self.context.autopilot.status.latest
+        return status is not None and status.armed
 
     async def _arm(self) -> None:
         """Arm; the autopilot's checks may take a moment to notice that the position has become good."""
@@ -121,9 +127,11 @@ class Takeoff(Behavior[TakeoffParameters]):
             try:
                 return await self._arm_once()
             except AutopilotError:
+                await asyncio.sleep(ARM_AGAIN)
+                if self._is_armed():  # it has obeyed, and only its answer was lost
+                    return None
                 if self.context.now() > give_up:
                     raise
-            await asyncio.sleep(0.5)
 
     async def _arm_once(self) -> None:
         arming = asyncio.ensure_future(self.context.autopilot.arm())

@@ -26,7 +26,7 @@ LAST_WORDS = 1.0
 LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
 PILOTED = frozenset(FlightMode) - LANDING - {FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD}
 """Modes that the application never asks for."""
-AIRBORNE = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FLYING, Phase.LANDING})
+MAY_FLY = frozenset(Phase) - {Phase.IDLE, Phase.PREFLIGHT, Phase.LANDED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Supervisor:
         try:
             with _caught_signals(interrupted):
                 ending = await self._mission(autopilot, mission, interrupted)
-                if self._context.machine.phase in AIRBORNE:
+                if self._context.machine.phase in MAY_FLY:
                     await self._abort(ending.reason)
             return ending
         finally:
