@@ -4,7 +4,6 @@ A leg between gates leaves the first one forwards and comes to the second one fr
 something, the openings of both are walls, so that it goes through neither of them once more.
 """
 
-import itertools
 import math
 from dataclasses import dataclass
 
@@ -13,16 +12,13 @@ from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.interfaces import PlanningError, PlanRequest
-from flightapp.planning.grid import MOVES, search
-from flightapp.planning.legs import blocked_on, clear_legs, corners, deepest, nudged, reaches
-from flightapp.planning.obstacles import BALL, BOX, CENTRE, MARGIN, OWNER, WIDTH, Margins, names, packed
+from flightapp.planning.bypass import bypass
+from flightapp.planning.grid import MOVES
+from flightapp.planning.legs import blocked_on, clear_legs, deepest, reaches
+from flightapp.planning.obstacles import BOX, OWNER, WIDTH, Margins, names, packed
 from flightapp.planning.request import Route
 from flightapp.track import FRAME_THICKNESS
 
-CELL = 0.35
-"""m between the points of the grid on which ways are searched."""
-CELLS = 20_000
-"""The most points of a grid; where the room is larger, they are farther apart."""
 NEARBY = 4.0
 """m around a leg in which a way is searched first."""
 ROOM, HEADROOM, FLOOR = 5.0, 3.0, 0.3
@@ -31,6 +27,10 @@ STRAIGHT = (0.6, 0.45, 0.3)
 """m that a leg goes straight out of a gate and into the next one, the first that is clear."""
 NOBODY = -1.0
 """The owner of an opening that is closed for a search."""
+GREED = 1.5
+"""Factor on the distance left in the search: with 1.1 it takes half as long again for ways shorter by 1 %."""
+EFFORT = 7_000.0
+"""That the search for all ways of a route may take, as `bypass` counts it."""
 TOLL = 1e3
 """m of way per m that a point of the grid is too close: the last search finds narrow gaps, or what closes them."""
 
@@ -43,6 +43,8 @@ class Way:
     """(n, 3) m."""
     inserted: NDArray[np.bool_]
     """(n,) which of them were added; they may be moved."""
+    effort: float
+    """That it took to find them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,19 +100,20 @@ def detour(places: Places, solids: Solids, bounds: Vector | None = None) -> Way:
     if None. What the start is too close to may be left. Raises `PlanningError` that names the leg and what blocks
     it, or the place that is inside something.
     """
-    points, inserted = [places.points[0]], [False]
+    points, inserted, left = [places.points[0]], [False], EFFORT
     clear = np.ones(len(places.points) - 1, bool)
     if solids.rows.shape[0]:
         _check_places(places, solids)
         clear = clear_legs(places.points, places.directions, solids.rows, places.openings > 0.0)
     for k, straight in enumerate(clear):
         if not straight:
-            for point in _around(places, solids, k, room(places.points) if bounds is None else bounds):
-                points.append(point)
-                inserted.append(True)
+            box = room(places.points) if bounds is None else bounds
+            around, left = _around(places, solids, k, box, left)
+            points.extend(around)
+            inserted.extend([True] * len(around))
         points.append(places.points[k + 1])
         inserted.append(False)
-    return Way(np.array(points), np.array(inserted))
+    return Way(np.array(points), np.array(inserted), EFFORT - left)
 
 
 def _check_places(places: Places, solids: Solids) -> None:
@@ -133,26 +136,23 @@ def _check_places(places: Places, solids: Solids) -> None:
         )
 
 
-def _around(places: Places, solids: Solids, k: int, bounds: Vector) -> Vector:
-    """(n, 3) the points between place ``k`` and the next of a way around what blocks the leg."""
+def _around(places: Places, solids: Solids, k: int, bounds: Vector, effort: float) -> tuple[Vector, float]:
+    """(n, 3) the points between place ``k`` and the next of a way around what blocks the leg; what effort is left."""
     (a, out), (b, into) = _run(places, solids, k, 1.0), _run(places, solids, k + 1, -1.0)
     low, high = np.minimum(bounds[0], np.minimum(a, b)), np.maximum(bounds[1], np.maximum(a, b))
     everything = np.vstack([solids.rows, _openings(places, k)])
     nearby = np.maximum(low, np.minimum(a, b) - NEARBY), np.minimum(high, np.maximum(a, b) + NEARBY)
     for box, toll in ((nearby, math.inf), ((low, high), TOLL)):
-        rows = _within(everything, box)
-        reach = reaches(a, b, rows, 0.0)
-        way = _search(a, b, rows, box, toll)
-        nudged(way, rows, reach)
-        blocked = {blocked_on(p, q, rows, reach): None for p, q in itertools.pairwise(way)}
-        if blocked.keys() == {-1}:
-            way = way[corners(way, rows, reach)]
-            inner: Vector = way[int(not out) : len(way) - int(not into)]
-            return inner
-    owners = dict.fromkeys(int(rows[i, OWNER]) for i in blocked if i >= 0)
+        way, blocked, taken = bypass(a, b, everything, *box, toll, GREED, MOVES, effort)
+        effort -= taken
+        if len(way) and not len(blocked):
+            return way[int(not out) : len(way) - int(not into)], effort
+    leg = f"the way from {places.names[k]} to {places.names[k + 1]}"
+    if effort <= 0.0:
+        raise PlanningError(f"{leg} was not found in the time there is: too much is in the way of the legs up to there")
+    owners = dict.fromkeys(int(owner) for owner in blocked[:, OWNER])
     what = " and ".join("the gate itself" if owner == NOBODY else solids.names[owner] for owner in owners)
     extent = ", ".join(f"{axis} {low[j]:.1f} .. {high[j]:.1f} m" for j, axis in enumerate("xyz"))
-    leg = f"the way from {places.names[k]} to {places.names[k + 1]}"
     raise PlanningError(f"{leg} is blocked by {what}: there is no other within {extent}")
 
 
@@ -182,16 +182,3 @@ def _openings(places: Places, k: int) -> Vector:
             ball = math.hypot(thick, half, half)
             rows.append((BOX, *places.points[place], ball, c, s, thick, half, half, NOBODY, 0.0))
     return np.array(rows, float).reshape(-1, WIDTH)
-
-
-def _within(rows: Vector, box: tuple[Vector, Vector]) -> Vector:
-    """Those of ``rows`` that matter for ways within ``box``."""
-    centres, reach = rows[:, CENTRE : CENTRE + 3], (rows[:, BALL] + rows[:, MARGIN] + CELL)[:, None]
-    near = (centres > box[0] - reach) & (centres < box[1] + reach)
-    return np.ascontiguousarray(rows[near.all(axis=1)])
-
-
-def _search(a: Vector, b: Vector, rows: Vector, box: tuple[Vector, Vector], toll: float) -> Vector:
-    cell = max(CELL, math.cbrt(float(np.prod(box[1] - box[0])) / CELLS))
-    reach = reaches(a, b, rows, math.sqrt(3.0) * cell)
-    return search(a, b, rows, reach, box[0], box[1], cell, toll, MOVES)

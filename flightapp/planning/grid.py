@@ -16,8 +16,6 @@ from flightapp.planning.legs import deepest
 
 Indices = NDArray[np.int64]
 
-GREED = 1.1
-"""Factor on the distance left, for which the search looks at fewer nodes and its way may be as much longer."""
 MOVES = np.array([(*move, math.hypot(*move)) for move in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(move)])
 """(26, 4) steps to the neighbours of a node and their lengths, all in cells; an argument, or it would be unrolled."""
 
@@ -77,6 +75,7 @@ def _spread(
     rows: Vector,
     reach: Vector,
     toll: float,
+    greed: float,
     nodes: Indices,
     marks: Vector,
     scratch: Vector,
@@ -86,6 +85,7 @@ def _spread(
 
     ``grid`` (7,) is its first corner (3) m, its cell in m and its size (3); ``nodes`` (3, n) the heap, each node's slot
     on it (-1 not yet, -2 not any more) and the node before it; ``marks`` (3, n) each node's cost, key and price, all m.
+    The last row of ``scratch`` (3, 3) counts the nodes that are looked at for the first time.
     """
     heap, slot, parent = nodes[0], nodes[1], nodes[2]
     cost, key, price = marks[0], marks[1], marks[2]
@@ -111,10 +111,11 @@ def _spread(
         if price[other] < 0.0:
             found, depth = deepest(p, rows, reach, gradient)
             price[other] = toll * depth if found >= 0 else 0.0
+            scratch[2, 0] += 1.0
         through = cost[node] + cell * move[3] + price[other]
         if through < cost[other]:
             cost[other], parent[other] = through, node
-            key[other] = through + GREED * _least_way(abs(p[0] - goal[0]), abs(p[1] - goal[1]), abs(p[2] - goal[2]))
+            key[other] = through + greed * _least_way(abs(p[0] - goal[0]), abs(p[1] - goal[1]), abs(p[2] - goal[2]))
             if slot[other] < 0:
                 heap[used] = other
                 slot[other] = used
@@ -133,12 +134,16 @@ def search(
     high: Vector,
     cell: float,
     toll: float,
+    greed: float,
     moves: Vector,
-) -> Vector:
+    most: float,
+) -> tuple[Vector, float]:
     """A way from ``start`` to ``goal`` (3,) m at ``reach`` (k,) m from ``rows``: (n, 3) m, both ends included.
 
-    It keeps to nodes ``cell`` m apart within ``low`` .. ``high`` (3,) m. There are no rows in it if there is no way; a
-    ``toll`` that is finite lets it come closer, for so many m of way per m at each node. ``moves`` are `MOVES`.
+    It keeps to nodes ``cell`` m apart within ``low`` .. ``high`` (3,) m. There are no rows in it if there is no way, or
+    none is found among ``most`` nodes; a ``toll`` that is finite lets it come closer, for so many m of
+    way per m at each node. The more ``greed``, the fewer nodes it looks at, and the way may be as many times longer as
+    it needs to be. ``moves`` are `MOVES`. Also returns how many nodes were looked at.
     """
     grid = np.empty(7)
     grid[3] = cell
@@ -148,15 +153,15 @@ def search(
         size = before + int((high[j] - start[j]) / cell) + 1
         grid[j], grid[4 + j] = start[j] - cell * before, size
         node, count = node * size + before, count * size
-    nodes, marks, scratch = np.empty((3, count), np.int64), np.empty((3, count)), np.empty((2, 3))
+    nodes, marks, scratch = np.empty((3, count), np.int64), np.empty((3, count)), np.zeros((3, 3))
     for i in range(count):
         nodes[1, i] = nodes[2, i] = -1
         marks[0, i], marks[2, i] = math.inf, -1.0
     nodes[0, 0], nodes[1, node], marks[0, node], marks[1, node] = node, 0, 0.0, 0.0
     used = 1
-    while used > 0:
-        used = _spread(grid, moves, goal, rows, reach, toll, nodes, marks, scratch, used)
-    return _trail(grid, nodes[2], nodes[0, 0], goal, used < 0)
+    while used > 0 and scratch[2, 0] < most:
+        used = _spread(grid, moves, goal, rows, reach, toll, greed, nodes, marks, scratch, used)
+    return _trail(grid, nodes[2], nodes[0, 0], goal, used < 0), scratch[2, 0]
 
 
 @kernel

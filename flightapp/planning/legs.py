@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.jit import kernel, lean_kernel
-from flightapp.planning.obstacles import MARGIN, beyond, distance
+from flightapp.planning.obstacles import MARGIN, beyond, distance, farther
 
 HALVINGS = 24
-"""Of a leg, to find where it comes nearest to a solid: to within a micrometre for 16 m."""
+"""Of a leg, at the most, to find where it comes nearest to a solid: to within a micrometre for 16 m."""
 NUDGES = 30
 """Steps by which a point of a way is moved clear, away from what it is deepest in each time."""
 TOUCH = 1e-3
@@ -25,7 +25,7 @@ def deepest(p: Vector, rows: Vector, reach: Vector, gradient: Vector) -> tuple[i
     """
     found, depth = -1, 0.0
     for i in range(rows.shape[0]):
-        if not beyond(p, rows, i, reach[i]):
+        if not (beyond(p, rows, i, reach[i]) or farther(p, rows, i, reach[i])):
             lacking = reach[i] - distance(p, rows, i, gradient)
             if lacking > depth:
                 found, depth = i, lacking
@@ -33,28 +33,32 @@ def deepest(p: Vector, rows: Vector, reach: Vector, gradient: Vector) -> tuple[i
 
 
 @kernel
-def approach(a: Vector, b: Vector, rows: Vector, i: int) -> float:
-    """Least distance in m between row ``i`` and the straight leg from ``a`` to ``b`` (3,) m.
+def nearer(a: Vector, b: Vector, rows: Vector, i: int, reach: float) -> bool:
+    """Whether the straight leg from ``a`` to ``b`` (3,) m comes nearer to row ``i`` than ``reach`` m.
 
-    The distance from a convex solid is convex along a line: where its derivative changes sign it is least.
+    The distance from a convex solid is convex along a line: it lies above its tangents, and between the points where
+    it falls and where it rises it is least.
     """
     gradient, p = np.empty(3), np.empty(3)
-    low, high, least = 0.0, 1.0, math.inf
+    low, high = 0.0, 1.0
     for halving in range(HALVINGS + 2):
         s = float(halving) if halving < 2 else 0.5 * (low + high)
         for j in range(3):
             p[j] = a[j] + s * (b[j] - a[j])
-        least = min(least, distance(p, rows, i, gradient))
+        away = distance(p, rows, i, gradient) - reach
+        if away < 0.0:
+            return True
         slope = 0.0
         for j in range(3):
             slope += gradient[j] * (b[j] - a[j])
-        if (halving == 0 and slope >= 0.0) or (halving == 1 and slope <= 0.0):
-            return least
+        left = high - s if slope < 0.0 else low - s
+        if away + slope * left >= 0.0:
+            return False
         if slope < 0.0:
             low = s
         else:
             high = s
-    return least
+    return False
 
 
 @kernel
@@ -67,7 +71,7 @@ def blocked_on(a: Vector, b: Vector, rows: Vector, reach: Vector) -> int:
         square += (a[j] - middle[j]) ** 2
     half = math.sqrt(square)
     for i in range(rows.shape[0]):
-        if not beyond(middle, rows, i, reach[i] + half) and approach(a, b, rows, i) < reach[i]:
+        if not beyond(middle, rows, i, reach[i] + half) and nearer(a, b, rows, i, reach[i]):
             return i
     return -1
 
@@ -111,14 +115,23 @@ def clear_legs(points: Vector, directions: Vector, rows: Vector, one_way: bool) 
 
 @kernel
 def corners(way: Vector, rows: Vector, reach: Vector) -> NDArray[np.bool_]:
-    """(n,) which points of ``way`` (n, 3) are enough for straight legs between them to keep clear."""
-    kept = np.zeros(way.shape[0], np.bool_)
+    """(n,) which points of ``way`` (n, 3) are enough for straight legs between them to keep clear.
+
+    From each the next is the last one in sight, as found by bisection; it is behind those in sight where a way turns
+    to one side only.
+    """
+    n = way.shape[0]
+    kept = np.zeros(n, np.bool_)
     kept[0] = True
     here = 0
-    while here < way.shape[0] - 1:
-        there = way.shape[0] - 1
-        while there > here + 1 and blocked_on(way[here], way[there], rows, reach) >= 0:
-            there -= 1
+    while here < n - 1:
+        there, hidden, tried = here + 1, n, n - 1
+        while tried > there:
+            if blocked_on(way[here], way[tried], rows, reach) < 0:
+                there = tried
+            else:
+                hidden = tried
+            tried = (there + hidden) // 2
         kept[there] = True
         here = there
     return kept

@@ -114,6 +114,25 @@ def beyond(p: Vector, rows: Vector, i: int, reach: float) -> bool:
 
 
 @lean_kernel
+def farther(p: Vector, rows: Vector, i: int, reach: float) -> bool:
+    """Whether point ``p`` (3,) m is farther than ``reach`` m from row ``i``, unless that is less than 0.
+
+    It takes no roots and divisions, unlike `distance`.
+    """
+    x, y, z = p[0] - rows[i, CENTRE], p[1] - rows[i, CENTRE + 1], p[2] - rows[i, CENTRE + 2]
+    up = max(abs(z) - rows[i, HALF + 2], 0.0)
+    if reach < 0.0 or up > reach:
+        return reach >= 0.0
+    if rows[i, KIND] == CYLINDER:
+        r = rows[i, HALF] + math.sqrt(reach * reach - up * up)
+        return bool(x * x + y * y > r * r)
+    c, s = rows[i, COS], rows[i, SIN]
+    along = max(abs(c * x + s * y) - rows[i, HALF], 0.0)
+    across = max(abs(c * y - s * x) - rows[i, HALF + 1], 0.0)
+    return bool(along * along + across * across + up * up > reach * reach)
+
+
+@lean_kernel
 def distance(p: Vector, rows: Vector, i: int, gradient: Vector) -> float:
     """Signed distance in m of point ``p`` (3,) m from the surface of row ``i``, negative inside.
 

@@ -98,19 +98,20 @@ class PolynomialPlanner:
         v, lift = limits.v_max, math.sqrt(max(self._vehicle[0] ** 2 - GRAVITY**2, 0.0))
         shortest = v * v / max(min(limits.a_max, lift), LEAST_FORCE)
         way, least = max(shortest, RAMP * v), max(shortest, LEAST_RAMP * v)
-        points, one = route.points, len(route.points) == 2
-        thirds = math.dist(points[0], points[1]) / 3.0, math.dist(points[-1], points[-2]) / 3.0
-        first, last = (thirds[k] >= least and (one or not ends[k].any()) for k in (0, 1))
+        points, n, one = route.points, len(route.points), len(route.points) == 2
+        away = points[1] - points[0], points[-2] - points[-1]
+        thirds = [math.hypot(*leg.tolist()) / 3.0 for leg in away]
+        first, last = (thirds[k] >= least and (one or not np.count_nonzero(ends[k])) for k in (0, 1))
         if not (first or last):
             return route
-        begin = [points[0] + min(way / thirds[0], 1.0) / 3.0 * (points[1] - points[0])] if first else []
-        finish = [points[-1] + min(way / thirds[1], 1.0) / 3.0 * (points[-2] - points[-1])] if last else []
-        rows, plain = np.array([points[0], *begin, *points[1:-1], *finish, points[-1]]), np.zeros((1, 3))
-        before, after = plain[: len(begin)], plain[: len(finish)]
-        directions = np.concatenate(
-            (route.directions[:1], before, route.directions[1:-1], after, route.directions[-1:])
-        )
-        places = (k + (k > 0) * first + (k == len(points) - 1) * last for k in route.gate_places)
+        rows, directions = np.zeros((2, n + first + last, 3))
+        for old, new in ((0, 0), (slice(1, -1), slice(1 + first, n - 1 + first)), (-1, -1)):
+            rows[new], directions[new] = points[old], route.directions[old]
+        if first:
+            rows[1] = points[0] + min(way / thirds[0], 1.0) / 3.0 * away[0]
+        if last:
+            rows[-2] = points[-1] + min(way / thirds[1], 1.0) / 3.0 * away[1]
+        places = [k + (k > 0) * first + (k == n - 1) * last for k in route.gate_places]
         return Route(rows, directions, tuple(places))
 
     def _straighter(

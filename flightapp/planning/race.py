@@ -42,11 +42,11 @@ from flightapp.planning.race_problem import (
     evaluate,
 )
 from flightapp.planning.race_samples import DURATION, polynomials
-from flightapp.planning.race_search import CORNER, FIRST, TOLERATED, WARM, Search, slow_down
+from flightapp.planning.race_search import FIRST, TOLERATED, WARM, Search
 from flightapp.planning.race_smooth import smoothen
 from flightapp.planning.race_solver import Parameters
 from flightapp.planning.race_start import Layout, lay_out
-from flightapp.planning.race_work import Work, room
+from flightapp.planning.race_work import Store, Work
 from flightapp.planning.request import SAME_POINT, Route, check_request, gate_route, point_route
 from flightapp.trajectory import ORDER, Trajectory
 
@@ -56,14 +56,16 @@ SLOWER = (1.0, 1.7)
 """Times the time guessed that lines are begun with, in turn until one succeeds."""
 EXCEEDED = 1.001
 """Ratio to a limit, densely sampled, up to which a plan is returned."""
-MISSING = 0.01
-"""m that may be missing to clearance and floor, or of a cosine to the greatest tilt."""
+MISSING = 0.006
+"""m that may be missing to clearance and floor where it is looked at, or of a cosine to the greatest tilt."""
 OUTSIDE = 0.02
 """Of dᵀ A d, how far outside a gate's area a plan may cross."""
 UNEVEN = "the route is too uneven for the arithmetic: no finite trajectory was found; space its points evenly"
 ASTRAY = (
     "no race line with this motion at its start was found but ones that go astray: start it slower, or farther away"
 )
+STOP = 50.0
+"""Effort per point of a way past obstacles that is kept for lines which stop at each."""
 LATE, GRACE = 1.5, 2.0
 """A line that starts in motion is astray if it takes so many times the least that one was begun with, and so many s."""
 LIMITS = (
@@ -90,6 +92,7 @@ class RacePlanner:
         self._heading = Heading(config)
         self._vehicle = Vehicle.of(config)
         self._memory: Memory | None = None
+        self._store = Store()
 
     def plan(self, request: PlanRequest) -> Trajectory:
         """A trajectory through the gates of ``request``; raises `PlanningError`."""
@@ -123,7 +126,7 @@ class RacePlanner:
         solids = Solids.of(request, self._margins)
         limits = limits_of(self._vehicle, request, targets)
         rows = leaving(solids.rows, route.points)
-        why, begun, search = "", math.inf, Search()
+        why, begun, search = "", math.inf, Search(self._store)
         for layout, parameters in self._layouts(route, solids, request, ends, search):
             first = beginning(layout.line, at_rest)
             limits[:, FLOOR] = np.minimum(limits[:, FLOOR], layout.lowest)
@@ -149,10 +152,12 @@ class RacePlanner:
             if layout is not None:
                 yield layout, WARM
         way = detour(Places.of(route, request), solids)
-        search.effort -= CORNER * np.count_nonzero(way.inserted)
+        search.effort -= way.effort + (STOP * len(way.points) if len(solids.rows) else 0.0)
         lowest, directions = float(way.points[:, 2].min()), np.zeros_like(way.points)
         directions[~way.inserted] = route.directions
         for slower in SLOWER:
+            if search.effort <= 0.0 and not ends.any():
+                break  # a line that stops is found at once
             layout = lay_out(way.points, directions, ends, request.limits.v_max, slower)
             yield replace(layout, anchors=layout.anchors[~way.inserted], lowest=lowest), FIRST
         for straight in () if ends.any() else RUNS:
@@ -178,7 +183,7 @@ def _found(
     Returns why there is no plan, empty if there is one, the shares of the limits that it keeps to at samples, and what
     the search has worked with.
     """
-    line, work = layout.line, room(len(layout.line) - 1)
+    line, work = layout.line, search.room(len(layout.line) - 1)
     if layout.duals is not None and parameters is not None:
         work.slack[:], work.dual[:] = layout.duals
         parameters = parameters._replace(barrier=-1.0)
@@ -189,13 +194,14 @@ def _found(
         if not smoothen(line, layout.smooth):
             return UNEVEN, drawn, work
         if at_rest:
-            slow_down(line, problem, work)
+            search.slow_down(line, problem, work, fine=1)
     least = np.where(first[:, None] != 0.0, limits[2], 0.0)
-    worst = np.full((1, KINDS), math.inf)
     if parameters is not None:
         worst = search.run(line, problem, base, drawn, least, parameters, work)
+    else:
+        worst, _ = search.look(line, problem, work)
     if at_rest and worst[:, :TILT].max() > TOLERATED:
-        worst = slow_down(line, problem, work)
+        worst[:, :CLEARANCE] = search.slow_down(line, problem, work)[:, :CLEARANCE]
     if not (np.isfinite(line).all() and np.isfinite(worst).all()):
         return UNEVEN, drawn, work
     shares = np.ones_like(drawn)
@@ -222,7 +228,7 @@ def _beyond_limits(worst: Vector, limits: Vector) -> str:
 
 def _out_of_place(line: Vector, problem: Problem, layout: Layout, work: Work) -> str:
     """Which gate is not crossed as it should be."""
-    evaluate(line, problem, work.ends, work.samples, work.c)
+    evaluate(line, problem, work.ends, work.samples, work.near, work.c)
     inner = layout.anchors[1:-1]
     outside = np.flatnonzero(work.c[inner, AREA] > OUTSIDE)
     if problem.active[KINDS + 1] and outside.size:

@@ -11,8 +11,8 @@ from flightapp.frames import GRAVITY, Vector
 from flightapp.interfaces import Limits
 from flightapp.planning.corridor import Way
 from flightapp.planning.race_bounds import RESERVE, Vehicle
-from flightapp.planning.race_problem import KINDS
-from flightapp.planning.race_samples import DURATION, KNOT, motion_at
+from flightapp.planning.race_problem import CLOSE, KINDS
+from flightapp.planning.race_samples import DURATION, FINE, KNOT, SAMPLES
 from flightapp.planning.race_start import Layout
 
 RUNS, SHARE = (0.3, 0.1, 0.02), 0.4
@@ -20,8 +20,8 @@ RUNS, SHARE = (0.3, 0.1, 0.02), 0.4
 before and after it."""
 SPEED, ACCELERATION, JERK = 35.0 / 16.0, 7.5132, 52.5
 """Peaks of a leg of degree 7 from rest to rest, of 1 m in 1 s."""
-LEAST = 1e-3
-"""m, a shorter leg is none."""
+LEAST, LONGEST = 1e-3, CLOSE * FINE * SAMPLES / SPEED
+"""m, a shorter leg is none; one that is longer has several segments, or it would be looked at too coarsely."""
 
 
 def halting(way: Way, directions: Vector, vehicle: Vehicle, limits: Limits, straight: float) -> Layout:
@@ -40,10 +40,7 @@ def halting(way: Way, directions: Vector, vehicle: Vehicle, limits: Limits, stra
             )
         _go(knots, times, point - run * directions[k], v_max, agility, vehicle.rate)
         if run > LEAST:
-            _go(knots, times, point + run * directions[k], v_max, agility, vehicle.rate)
-            leg = np.column_stack((np.array(knots[-2:]), np.full(2, times[-1])))
-            knots.insert(-1, motion_at(leg, np.array([0.0, times[-1]]), 0.5 * times[-1]))
-            times[-1:] = [0.5 * times[-1]] * 2
+            _go(knots, times, point + run * directions[k], v_max, agility, vehicle.rate, 2)
         if not way.inserted[k]:
             anchors.append(len(knots) - (2 if run > LEAST else 1))
     line = np.ones((len(knots), KNOT))
@@ -59,18 +56,34 @@ def _agility(vehicle: Vehicle) -> float:
     return max(RESERVE * min(up, GRAVITY * math.sin(tilt)), 1e-3)
 
 
+def _between(begin: Vector, end: Vector, duration: float, u: float) -> Vector:
+    """The knot after the share ``u`` of the duration of a leg of degree 7 from rest to rest."""
+    share = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
+    speed = 140.0 * (u * (1.0 - u)) ** 3 / duration
+    bend = 420.0 * (u * (1.0 - u)) ** 2 * (1.0 - 2.0 * u) / duration**2
+    turn = 840.0 * u * (1.0 - u) * (1.0 - 5.0 * u * (1.0 - u)) / duration**3
+    away = end - begin
+    return np.concatenate((begin + share * away, speed * away, bend * away, turn * away))
+
+
 def _resting(point: Vector) -> Vector:
     return np.concatenate((point, np.zeros(DURATION - 3)))
 
 
-def _go(knots: list[Vector], times: list[float], point: Vector, v_max: float, agility: float, rate: float) -> None:
-    """Add a leg to ``point`` from where ``knots`` end, unless it is there."""
-    length = math.dist(knots[-1][:3], point)
+def _go(
+    knots: list[Vector], times: list[float], point: Vector, v_max: float, agility: float, rate: float, least: int = 1
+) -> None:
+    """Add a leg of ``least`` or more parts to ``point`` from where ``knots`` end, unless it is there."""
+    begin = knots[-1][:3]
+    length = math.dist(begin, point)
     if length < LEAST:
         return
     turning = 0.5 * rate * GRAVITY
-    knots.append(_resting(point))
-    times.append(
-        max(SPEED * length / v_max, math.sqrt(ACCELERATION * length / agility), math.cbrt(JERK * length / turning))
-        / RESERVE
+    duration = max(
+        SPEED * length / v_max, math.sqrt(ACCELERATION * length / agility), math.cbrt(JERK * length / turning)
     )
+    duration /= RESERVE
+    parts = max(least, math.ceil(length / LONGEST))
+    knots.extend(_between(begin, point, duration, part / parts) for part in range(1, parts))
+    knots.append(_resting(point))
+    times.extend([duration / parts] * parts)

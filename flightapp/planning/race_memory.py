@@ -7,8 +7,9 @@ import numpy as np
 
 from flightapp.frames import Vector
 from flightapp.interfaces import PlanRequest
+from flightapp.jit import lean_kernel
 from flightapp.planning.race_problem import AT_KNOT, KINDS, PLACES
-from flightapp.planning.race_samples import DURATION, SAMPLES, motion_at
+from flightapp.planning.race_samples import DURATION, KNOT, SAMPLES, motion_at
 from flightapp.planning.race_smooth import bend
 from flightapp.planning.race_start import Layout, joined, lay_out
 
@@ -75,30 +76,39 @@ def continued(memory: Memory, request: PlanRequest, centres: Vector, directions:
 
 def _remainder(memory: Memory, times: Vector, t: float, first: int, last: int) -> tuple[Vector, Vector, Vector]:
     """Line, shares and multipliers from ``t`` s on, with the knots ``first`` to ``last`` and perhaps one before."""
-    line, drawn = memory.layout.line[first : last + 1], memory.drawn[first:last]
-    duals, end = memory.duals[:, first : last + 1], float(times[first])
-    for begin in (t,) if end - t <= EARLY_ENOUGH * EARLY else (t + EARLY, t):
-        knot = np.append(motion_at(memory.layout.line, times, begin), max(end - begin, INSTANT))
-        segment = int(np.searchsorted(times, 0.5 * (begin + end), side="right")) - 1
-        line, drawn = np.vstack((knot, line)), np.vstack((memory.drawn[segment], drawn))
-        duals = np.concatenate((_duals(memory, times, begin, end)[:, None], duals), axis=1)
-        end = begin
+    begins = (t,) if times[first] - t <= EARLY_ENOUGH * EARLY else (t, t + EARLY)
+    new, n = len(begins), len(begins) + last - first
+    line, drawn, duals = np.empty((n + 1, KNOT)), np.empty((n, KINDS)), np.empty((2, n + 1, PLACES))
+    line[new:], drawn[new:] = memory.layout.line[first : last + 1], memory.drawn[first:last]
+    duals[:, new:] = memory.duals[:, first : last + 1]
+    for k, begin in enumerate(begins):
+        end = begins[k + 1] if k + 1 < new else float(times[first])
+        line[k, :DURATION], line[k, DURATION] = motion_at(memory.layout.line, times, begin), max(end - begin, INSTANT)
+        drawn[k] = memory.drawn[int(np.searchsorted(times, 0.5 * (begin + end), side="right")) - 1]
+        _recall(memory.duals, times, begin, end, k, duals)
     return line, drawn, duals
 
 
-def _duals(memory: Memory, times: Vector, begin: float, end: float) -> Vector:
-    """(2, PLACES) slacks and multipliers at the samples of a segment from ``begin`` to ``end`` s of the line."""
-    at = begin + (end - begin) / SAMPLES * np.arange(SAMPLES)
-    i = np.minimum(np.searchsorted(times, at, side="right"), len(times) - 1) - 1
-    spans = times[i + 1] - times[i]
-    k = np.minimum(np.rint(SAMPLES * (at - times[i]) / spans).astype(int), SAMPLES - 1)
-    out = np.empty((2, PLACES))
-    samples = memory.duals[:, :, :AT_KNOT].reshape(2, len(times), KINDS, SAMPLES)[:, i, :, k]
-    samples[:, 1] *= ((end - begin) / spans)[:, None]
-    out[:, :AT_KNOT] = samples.transpose(1, 2, 0).reshape(2, AT_KNOT)
-    out[0, AT_KNOT:] = 1.0
-    out[1, AT_KNOT:] = memory.duals[1, i[0], AT_KNOT:].min()
-    return out
+@lean_kernel
+def _recall(known: Vector, times: Vector, begin: float, end: float, to: int, duals: Vector) -> None:
+    """Fill ``duals[:, to]`` (PLACES,) with slacks and multipliers of a segment from ``begin`` to ``end`` s of the line.
+
+    ``known`` (2, n + 1, PLACES) are those of the line, whose knots are passed at ``times`` (n + 1,) s.
+    """
+    i, n = 0, times.size - 1
+    for k in range(SAMPLES):
+        at = begin + (end - begin) / SAMPLES * k
+        while i < n - 1 and times[i + 1] <= at:
+            i += 1
+        if k == 0:
+            for place in range(AT_KNOT, PLACES):
+                duals[0, to, place] = 1.0
+                duals[1, to, place] = min(known[1, i, AT_KNOT], known[1, i, AT_KNOT + 1], known[1, i, AT_KNOT + 2])
+        span = times[i + 1] - times[i]
+        nearest = min(int(SAMPLES * (at - times[i]) / span + 0.5), SAMPLES - 1)
+        for kind in range(KINDS):
+            duals[0, to, kind * SAMPLES + k] = known[0, i, kind * SAMPLES + nearest]
+            duals[1, to, kind * SAMPLES + k] = known[1, i, kind * SAMPLES + nearest] * (end - begin) / span
 
 
 def _common(old: list[int], new: list[int]) -> int:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from flightapp.frames import GRAVITY, Vector
 from flightapp.jit import fused, fused_kernel
-from flightapp.planning.obstacles import MARGIN, beyond, distance
+from flightapp.planning.obstacles import MARGIN, beyond, distance, farther
 from flightapp.planning.race_rows import AT_AWAY, AT_LACK, AT_SQUARE, AT_VALUE, AT_WORST
 from flightapp.planning.race_samples import (
     AT_A,
@@ -40,8 +40,9 @@ ALONG = 0.93
 """Share of the squared jerk along the specific force, which turns nothing: the rest bounds how fast thrust changes."""
 REACH = 1.0
 """m beyond the clearance at which obstacles begin to count."""
-CLOSE = 0.1
-"""m between the points at which clearance is looked at once a line is found, where a third of them are enough."""
+CLOSE, LACKING = 0.1, 0.2
+"""m between the points at which clearance is looked at once a line is found, where a third of them are enough; m beyond
+the clearance at which obstacles begin to count then."""
 G2 = GRAVITY * GRAVITY
 SLOW = 0.05
 """m/s, added to speeds so that the angle of a crossing has a derivative at rest."""
@@ -140,12 +141,28 @@ def too_near(q: Vector, rows: Vector, ends: Vector) -> None:
         for k in range(SAMPLES):
             for axis in range(3):
                 p[axis] = q[axis * SAMPLES + k]
-            if not beyond(p, rows, i, rows[i, MARGIN] - q[AT_LACK + k]):
+            if not farther(p, rows, i, rows[i, MARGIN] - q[AT_LACK + k]):
                 lack = rows[i, MARGIN] - distance(p, rows, i, gradient)
                 if lack > q[AT_LACK + k]:
                     q[AT_LACK + k] = lack
                     for axis in range(3):
                         q[AT_AWAY + axis * SAMPLES + k] = gradient[axis]
+
+
+@fused
+def _nearest(q: Vector, rows: Vector, lack: float, ends: Vector) -> float:
+    """How much too near the samples ``q`` are to an obstacle at the most, if that is more than ``lack``."""
+    p, gradient, middle = ends[8], ends[9], ends[10]
+    spread = _spread(q, middle)
+    for i in range(rows.shape[0]):
+        if beyond(middle, rows, i, rows[i, MARGIN] - lack + spread):
+            continue
+        for k in range(SAMPLES):
+            for axis in range(3):
+                p[axis] = q[axis * SAMPLES + k]
+            if not farther(p, rows, i, rows[i, MARGIN] - lack):
+                lack = max(lack, rows[i, MARGIN] - distance(p, rows, i, gradient))
+    return lack
 
 
 @fused
@@ -181,10 +198,10 @@ def out_of_plane(k: int, line: Vector, problem: Problem) -> float:
 
 
 @fused_kernel
-def evaluate(line: Vector, problem: Problem, ends: Vector, samples: Vector, c: Vector) -> float:
+def evaluate(line: Vector, problem: Problem, ends: Vector, samples: Vector, near: Vector, c: Vector) -> float:
     """Cost (s) of ``line`` (n + 1, 13): duration and smoothing; fills ``c`` (n + 1, PLACES) where active.
 
-    ``ends`` (11, 3) and ``samples`` (`LENGTH`,) are scratch.
+    ``near`` (n + 1, 4 SAMPLES) gets what `too_near` finds; ``ends`` (11, 3) and ``samples`` (`LENGTH`,) are scratch.
     """
     push = ends[8]
     n = line.shape[0] - 1
@@ -209,6 +226,8 @@ def evaluate(line: Vector, problem: Problem, ends: Vector, samples: Vector, c: V
         cost += duration * (1.0 + 0.5 * problem.smooth / SAMPLES * square_jerk)
         if problem.active[CLEARANCE] != 0.0:
             too_near(samples, problem.rows, ends)
+            for k in range(4 * SAMPLES):
+                near[i, k] = samples[AT_AWAY + k]
         at_samples(samples, problem.limits[i], c[i])
         for kind in range(KINDS):
             if problem.active[kind] == 0.0:
@@ -266,32 +285,40 @@ def _leap(ends: Vector) -> float:
 
 
 @fused_kernel
-def measure(line: Vector, problem: Problem, ends: Vector, samples: Vector, worst: Vector, sampled: Vector) -> None:
+def measure(
+    line: Vector, problem: Problem, fine: int, ends: Vector, samples: Vector, worst: Vector, sampled: Vector
+) -> None:
     """Fill ``worst`` (n, KINDS) with how far each segment of ``line`` exceeds ``problem``, densely sampled.
 
     The first five are ratios to the limits, 1 where they are kept to exactly; the others are those of `at_samples`.
+    ``fine`` is how many times as dense as the samples, `FINE` or 1.
     ``sampled`` (n, KINDS) is the same at the samples alone, the next segment's first included. What concerns the
     specific force counts without drag and with it, the worse of the two (M. Faessler, A. Franchi and D. Scaramuzza,
     2018, for drag that is the same in all directions).
     """
     value = samples[AT_VALUE : AT_VALUE + KINDS * SAMPLES]
+    for k in range(SAMPLES):
+        samples[AT_LACK + k] = -REACH
     for i in range(line.shape[0] - 1):
-        duration = line[i, DURATION]
+        duration, lack = line[i, DURATION], -LACKING
         for k in range(KINDS * SAMPLES):
             samples[AT_WORST + k] = -1.0
         scaled_ends(i, line, duration, ends)
         stride = 1 if _leap(ends) > CLOSE * 3 * SAMPLES else FINE // 3
-        for part in range(FINE):
+        for part in range(fine):
             sample(DENSE[part], duration, ends, samples)
             if problem.active[CLEARANCE] != 0.0 and part % stride == 0:
-                too_near(samples, problem.rows, ends)  # else what it found before counts once more: that will do
+                lack = _nearest(samples, problem.rows, lack, ends)
             for turn in range(2 if problem.drag != 0.0 else 1):
                 add_drag(problem.drag if turn == 1 else 0.0, samples)
                 at_samples(samples, problem.limits[i], value)
                 _raise_worst(turn, samples)
             if part == 0:
                 _at_samples_alone(i, samples, worst, sampled)
+                sampled[i, CLEARANCE] = lack + problem.limits[i, CLEARANCE]
         for kind in range(KINDS):
             worst[i, kind] = max(worst[i, kind], _worst_of(kind, samples))
             if problem.active[kind] == 0.0:
                 worst[i, kind] = _ratio(kind, -1.0)
+        if problem.active[CLEARANCE] != 0.0:
+            worst[i, CLEARANCE] = lack + problem.limits[i, CLEARANCE]

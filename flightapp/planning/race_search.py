@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.planning.race_bounds import coefficients
-from flightapp.planning.race_problem import AREA, CROSSING, KINDS, LEAST_FORCE, TILT, Problem, measure
-from flightapp.planning.race_samples import DURATION
+from flightapp.planning.race_problem import AREA, CLEARANCE, CROSSING, KINDS, LEAST_FORCE, TILT, Problem, measure
+from flightapp.planning.race_samples import DURATION, FINE
 from flightapp.planning.race_solver import Parameters, improve
-from flightapp.planning.race_work import Work
+from flightapp.planning.race_work import Store, Work
 
 TOLERATED = 1.0008
 """Ratio to a limit, densely sampled, that counts as keeping to it."""
@@ -45,29 +45,21 @@ FEW = 3
 """Times that are enough where flying slower helps at once: it does not where the thrust nearly vanishes."""
 EFFORT = 9_500
 """Times segments, effort that the search for one plan may take, as `race_solver` counts it."""
-CROWDED, LOOK, CORNER = 1.8, 4, 60
-"""Times that effort among obstacles; effort per segment of a dense measurement; that to find a point of a detour."""
-DRAGGED = 0.5
+CROWDED = 1.4
+"""Times that effort among obstacles."""
+LOOK, LOOK_AROUND = 0.35, 3.5
+"""Effort to look at one segment's samples, and to look at its clearance densely."""
+DRAGGED = 0.7
 """Share of an effort that counts where drag is planned for: it couples thrust with velocity, which takes more steps."""
 PATIENCE, HOPELESS = 3, 3.0
 """After so many times, a line that begins in motion and exceeds a limit by more than this ratio is given up."""
 
 
-def slow_down(line: Vector, problem: Problem, work: Work, times: int = STRETCHES) -> Vector:
-    """Fly ``line``, which starts and ends at rest, as slowly as its limits want; (n, KINDS) as `measure` has it."""
-    worst, sampled = np.empty((2, len(line) - 1, KINDS))
-    for attempt in range(times + 1):
-        measure(line, problem, work.ends, work.samples, worst, sampled)
-        if attempt == times or not worst[:, :TILT].max() > TOLERATED:
-            break
-        stretch(line, slowdown(worst) ** (1.0 + HASTE * attempt))
-    return worst
-
-
 class Search:
     """The search for one line, with as much effort as may be made."""
 
-    def __init__(self, effort: int = EFFORT) -> None:
+    def __init__(self, store: Store, effort: int = EFFORT) -> None:
+        self.room = store.room
         self.effort = float(effort)
         """Times segments, effort that is left."""
 
@@ -82,8 +74,30 @@ class Search:
 
     def _cost(self, line: Vector, problem: Problem) -> float:
         """Of a unit of effort per segment."""
-        among = CROWDED if len(problem.rows) else 1.0
+        among = CROWDED if problem.active[CLEARANCE] else 1.0
         return among * (DRAGGED if problem.drag else 1.0) * (len(line) - 1)
+
+    def look(self, line: Vector, problem: Problem, work: Work, fine: int = FINE) -> tuple[Vector, Vector]:
+        """(n, KINDS) how close ``line`` is to its limits, and the same at samples alone, as of `measure`."""
+        worst, sampled = np.empty((2, len(line) - 1, KINDS))
+        measure(line, problem, fine, work.ends, work.samples, worst, sampled)
+        self.effort -= (LOOK * fine + LOOK_AROUND * problem.active[CLEARANCE]) * (len(line) - 1)
+        return worst, sampled
+
+    def slow_down(self, line: Vector, problem: Problem, work: Work, times: int = STRETCHES, fine: int = FINE) -> Vector:
+        """Fly ``line``, which starts and ends at rest, as slowly as its limits want at ``fine`` times the samples.
+
+        Returns (n, KINDS) as of `measure`, but for the clearance: that stays what it was.
+        """
+        active = problem.active.copy()
+        active[CLEARANCE] = 0.0
+        timed = problem._replace(active=active)
+        for attempt in range(times + 1):
+            worst, _ = self.look(line, timed, work, fine)
+            if attempt == times or not worst[:, :TILT].max() > TOLERATED:
+                break
+            stretch(line, slowdown(worst) ** (1.0 + HASTE * attempt))
+        return worst
 
     def _in_place(self, problem: Problem, work: Work) -> bool:
         """Whether gates are crossed as they should be, or nearly so."""
@@ -107,23 +121,21 @@ class Search:
         where there is no such bound.
         What a line from rest to rest exceeds them by is left to flying it slower, if that costs little.
         """
-        worst, sampled = np.empty((2, len(line) - 1, KINDS))
         calm, held = problem.smooth, np.asarray(least.any(axis=1))
         at_rest = not (line[0, 3:DURATION].any() or line[-1, 3:DURATION].any())
         going = self.improve(line, problem._replace(limits=coefficients(limits)), first, work)
         for count in range(ROUNDS + 1):
-            measure(line, problem, work.ends, work.samples, worst, sampled)
-            self.effort -= LOOK * self._cost(line, problem)
+            worst, sampled = self.look(line, problem, work)
             ratio = worst[:, :TILT].max()
             clear = worst[:, TILT:].max() <= NEAR and self._in_place(problem, work)
             if not going or (clear and ratio <= TOLERATED):
                 break
             if clear and at_rest and slowdown(worst) < NEARLY:
                 slower = line.copy()
-                eased = slow_down(slower, problem, work, FEW)
+                eased = self.slow_down(slower, problem, work, FEW)
                 if eased[:, :TILT].max() <= TOLERATED:
-                    line[:] = slower
-                    return eased
+                    line[:], worst[:, :CLEARANCE] = slower, eased[:, :CLEARANCE]
+                    break
             if count == ROUNDS or (count >= PATIENCE and not ratio < HOPELESS and held.any()):
                 break
             _draw_in(limits, whole, worst, sampled, least, held)

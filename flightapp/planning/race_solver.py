@@ -92,7 +92,7 @@ def improve(line: Vector, problem: Problem, parameters: Parameters, work: Work) 
     The effort counts `STEP`, `TRY` and `REFUSAL` per segment; no step is begun once it exceeds ``parameters.effort``.
     """
     mu, damping, gap = parameters.barrier, parameters.damping, parameters.gap
-    cost = evaluate(line, problem, work.ends, work.samples, work.c)
+    cost = evaluate(line, problem, work.ends, work.samples, work.near, work.c)
     count, mu = begin(problem, mu, parameters.least_slack, work)
     logs = logarithms(work.slack)
     before_last, last, effort = math.inf, math.inf, 0
@@ -111,7 +111,7 @@ def improve(line: Vector, problem: Problem, parameters: Parameters, work: Work) 
         tries = 0
         while True:
             move(line, work.step, share, problem, work.tried)
-            cost = evaluate(work.tried, problem, work.ends, work.samples, work.tried_c)
+            cost = evaluate(work.tried, problem, work.ends, work.samples, work.near, work.tried_c)
             violation = tried_violation(share, work)
             logs = logarithms(work.tried_slack)
             if cost - mu * logs + violation < merit or tries == TRIES:

@@ -20,7 +20,6 @@ from flightapp.planning.race_problem import (
     SPEED,
     TILT,
     Problem,
-    too_near,
 )
 from flightapp.planning.race_rows import (
     AT_AA,
@@ -198,6 +197,7 @@ def sum_samples(i: int, problem: Problem, mu: float, work: Work) -> None:
     if active[FLOOR] != 0.0:
         _add_floor(s, g)
     if active[CLEARANCE] != 0.0:
-        too_near(s, problem.rows, work.ends)
+        for k in range(4 * S):
+            s[AT_AWAY + k] = work.near[i, k]
         _by_clearance(s, g)
         _add_three(CLEARANCE, 6 * CLEARANCE, AT_P, AT_PP, s, g)

@@ -11,6 +11,9 @@ from flightapp.planning.race_problem import KINDS, PLACES
 from flightapp.planning.race_rows import COLUMNS, LENGTH
 from flightapp.planning.race_samples import ENTRIES, KNOT, ROWS, SAMPLES
 
+INACTIVE = (-1.0, -1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+"""What the last arrays but one of a `Work`, from `Work.c` on, begin with."""
+
 
 class Work(NamedTuple):
     """Room for the numbers of one solution with n segments."""
@@ -19,6 +22,8 @@ class Work(NamedTuple):
     """(11, 3) scaled ends of a segment, and three vectors."""
     samples: Vector
     """(LENGTH,) rows of one segment's samples and of their sums."""
+    near: Vector
+    """(n + 1, 4 SAMPLES) ways out of obstacles and how much too near these are, as of the line last looked at."""
     changes: Vector
     """(n + 1, 15 SAMPLES) the samples' derivatives by the duration."""
     gradients: Vector
@@ -65,12 +70,35 @@ class Work(NamedTuple):
     """(2, PLACES) 1 where inequalities are wanted: of a segment, of the last knot."""
 
 
-def room(n: int) -> Work:
-    """For a line of ``n`` segments."""
+class Store:
+    """The memory of one search after another: to get it anew every time takes longer than to clear it."""
+
+    def __init__(self) -> None:
+        self._numbers: Vector = np.empty(0)
+
+    def room(self, n: int) -> Work:
+        """For a line of ``n`` segments, until it is asked for again."""
+        sizes = _sizes(n)
+        counts = [math.prod(size) for size in sizes]
+        ends = list(itertools.accumulate(counts))
+        if ends[-1] > self._numbers.size:
+            self._numbers = np.empty(ends[-1])
+        self._numbers[: ends[-1]] = 0.0
+        arrays = [
+            self._numbers[end - count : end].reshape(size) for size, count, end in zip(sizes, counts, ends, strict=True)
+        ]
+        for array, value in zip(arrays[-1 - len(INACTIVE) :], INACTIVE, strict=False):
+            array[:] = value
+        return Work._make(arrays)
+
+
+def _sizes(n: int) -> tuple[tuple[int, ...], ...]:
+    """Of the arrays of a `Work`."""
     sizes: tuple[tuple[int, ...], ...] = (
         (
             (11, 3),
             (LENGTH,),
+            (n + 1, 4 * SAMPLES),
             (n + 1, ROWS * SAMPLES),
             (n + 1, KINDS * 6 * SAMPLES),
             (4 * SAMPLES * COLUMNS,),
@@ -81,12 +109,4 @@ def room(n: int) -> Work:
         + ((n + 1, KNOT, KNOT), (n, KNOT, KNOT)) * 2
         + ((n + 1, KNOT),) * 3
     )
-    inactive = (-1.0, -1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-    sizes += ((n + 1, PLACES),) * len(inactive) + ((2, PLACES),)
-    counts = [math.prod(size) for size in sizes]
-    ends = list(itertools.accumulate(counts))
-    whole = np.zeros(ends[-1])
-    arrays = [whole[end - count : end].reshape(size) for size, count, end in zip(sizes, counts, ends, strict=True)]
-    for array, value in zip(arrays[-1 - len(inactive) :], inactive, strict=False):
-        array[:] = value
-    return Work._make(arrays)
+    return sizes + ((n + 1, PLACES),) * len(INACTIVE) + ((2, PLACES),)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
 from flightapp.messages import GateEstimate
 from flightapp.planning.corridor import Places, Solids, detour, room
-from flightapp.planning.legs import approach
+from flightapp.planning.legs import nearer
 from flightapp.planning.obstacles import MARGIN, Margins, distance, names, packed
 from flightapp.planning.request import gate_route, point_route
 from flightapp.track import Box, Cylinder, GateShape
@@ -40,9 +40,15 @@ def places(*points, directions=None, openings=0.0):
     return Places(np.array(points, float), toward, called, openings)
 
 
+def closest(a, b, rows, i):
+    """The least distance from row ``i`` among many points of a leg."""
+    gradient, s = np.empty(3), np.linspace(0.0, 1.0, 401)[:, None]
+    return min(distance(p, rows, i, gradient) for p in a + s * (b - a))
+
+
 def least_margin(points, rows):
     """How much farther than wanted the legs between ``points`` keep from every row."""
-    return min(approach(a, b, rows, i) - rows[i, MARGIN] for a, b in pairwise(points) for i in range(len(rows)))
+    return min(closest(a, b, rows, i) - rows[i, MARGIN] for a, b in pairwise(points) for i in range(len(rows)))
 
 
 def length(points):
@@ -53,19 +59,17 @@ near = st.floats(-4.0, 4.0)
 points = st.tuples(near, near, near).map(np.array)
 
 
-@given(points, points, st.integers(0, 5))
-@example(np.array((-1.0, 2.0, 1.0)), np.array((-2.0, 0.0, 0.0)), 0)
-def test_approach_is_the_least_distance_on_the_leg(a, b, i):
+@given(points, points, st.integers(0, 5), st.floats(0.0, 0.5))
+@example(np.array((-1.0, 2.0, 1.0)), np.array((-2.0, 0.0, 0.0)), 0, 0.0)
+def test_a_leg_is_nearer_than_its_closest_point_and_what_is_farther(a, b, i, more):
     rows = solids(
         Cylinder(name="pillar", base=(-1.0, 2.0, 0.0), radius=0.4, height=2.0),
         Box(name="wall", centre=(1.0, -2.0, 1.0), size=(0.4, 3.0, 2.0)),
         gates=(gate(1, 0.0, 0.0, yaw=0.6),),
     ).rows
-    gradient, s = np.empty(3), np.linspace(0.0, 1.0, 401)[:, None]
-    dense = min(distance(p, rows, i, gradient) for p in a + s * (b - a))
-    found = approach(a, b, rows, i)
-    assert found <= dense + 1e-9
-    assert dense - found <= np.linalg.norm(b - a) / 400.0
+    least = closest(a, b, rows, i)
+    assert nearer(a, b, rows, i, least + more + 1e-6)
+    assert not nearer(a, b, rows, i, least - more - 1e-6 - np.linalg.norm(b - a) / 800.0)
 
 
 def test_clear_legs_stay_as_they_are():

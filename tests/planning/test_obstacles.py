@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flightapp.config import load_config
 from flightapp.messages import GateEstimate
-from flightapp.planning.obstacles import BALL, MARGIN, OWNER, WIDTH, Margins, beyond, distance, names, packed
+from flightapp.planning.obstacles import BALL, MARGIN, OWNER, WIDTH, Margins, beyond, distance, farther, names, packed
 from flightapp.track import FRAME_THICKNESS, Box, Cylinder, GateShape
 
 MARGINS = Margins(0.2, 0.3, 0.05)
@@ -121,6 +121,15 @@ def test_what_is_called_beyond_is_so(p, i, reach):
     assert not (beyond(p, WORLD, i, reach) and d <= reach)
     if d > reach + 2.0 * WORLD[i, BALL]:
         assert beyond(p, WORLD, i, reach)
+
+
+@given(points, st.integers(0, 5), st.floats(-1.0, 5.0))
+def test_what_is_called_farther_is_so_and_all_of_it(p, i, reach):
+    d, _ = signed(p, i)
+    if farther(p, WORLD, i, reach):
+        assert d > reach >= 0.0
+    else:
+        assert d <= reach + 1e-9 or reach < 0.0
 
 
 def test_the_opening_is_free_up_to_the_frame():

@@ -5,12 +5,15 @@ from importlib.metadata import entry_points
 
 import numpy as np
 import pytest
+from crowded_tracks import framed, hall, slalom
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning_tracks import FIVE_GATES, at_rest, gate, lap_request, lemniscate, motion_at, request_for
 
 from flightapp.config import Config, Vehicle
 from flightapp.interfaces import Limits, PlanningError, PlanRequest
+from flightapp.planning.clearance import touched
+from flightapp.planning.obstacles import Margins
 from flightapp.trajectory import Trajectory
 
 OFFLINE = {"optimal"}
@@ -114,6 +117,30 @@ def test_random_tracks_give_a_valid_plan_or_a_clear_refusal(name, seed, gates, n
     keeps_all_limits(trajectory, request.limits)
     passes_the_gates(trajectory, request)
     is_smooth(trajectory, request)
+
+
+CROWDED = {
+    "slalom": slalom,
+    "hall": lambda seed, gates: hall(seed, gates, 2 * gates),
+    "framed": lambda seed, gates: framed(random_track(seed, gates, 1.0)),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000), gates=st.integers(2, 40), kind=st.sampled_from(sorted(CROWDED)))
+def test_crowded_tracks_give_a_valid_plan_or_a_clear_refusal(name, seed, gates, kind):
+    request = CROWDED[kind](seed, gates)
+    try:
+        trajectory = PLANNERS[name].plan(request)
+    except PlanningError as error:
+        assert len(str(error).split()) > 5
+        return
+    keeps_all_limits(trajectory, request.limits)
+    passes_the_gates(trajectory, request)
+    is_smooth(trajectory, request)
+    if name == "race":  # the others leave it to whoever asks to refuse what touches something
+        assert touched(trajectory, request.gates, request.shape, request.obstacles, Margins.of(CONFIG)) is None
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -7,10 +7,10 @@ import pytest
 
 from flightapp.planning.race_blocks import factorise, solve
 from flightapp.planning.race_problem import AT_KNOT, CLEARANCE, KINDS, PLACES, Problem, evaluate, measure
-from flightapp.planning.race_samples import DURATION, KNOT, SAMPLES
+from flightapp.planning.race_samples import DURATION, FINE, KNOT, SAMPLES
 from flightapp.planning.race_smooth import bend
 from flightapp.planning.race_system import assemble
-from flightapp.planning.race_work import room
+from flightapp.planning.race_work import Store
 
 SEGMENTS = 4
 CYLINDER = np.array([[1.0, 0.3, -0.2, 0.1, 1.1, 1.0, 0.0, 0.4, 0.0, 1.0, 0.0, 0.5]])
@@ -52,8 +52,8 @@ def wanted(problem):
 
 
 def inequalities(line, problem):
-    work = room(SEGMENTS)
-    cost = evaluate(line, problem, work.ends, work.samples, work.c)
+    work = Store().room(SEGMENTS)
+    cost = evaluate(line, problem, work.ends, work.samples, work.near, work.c)
     return cost, work.c
 
 
@@ -85,9 +85,9 @@ def test_the_right_hand_side_is_the_lagrangians_gradient(drag, obstacle):
     rng = np.random.default_rng(1)
     line, problem = random_line(rng), some_problem(rng, drag, obstacle)
     duals = rng.uniform(0.0, 1.0, (SEGMENTS + 1, PLACES)) * wanted(problem)
-    work = room(SEGMENTS)
+    work = Store().room(SEGMENTS)
     work.dual[:], work.slack[:] = duals, 1e12
-    evaluate(line, problem, work.ends, work.samples, work.c)
+    evaluate(line, problem, work.ends, work.samples, work.near, work.c)
     assemble(line, problem, 0.0, work)
 
     def lagrangian(at):
@@ -103,9 +103,9 @@ def test_the_right_hand_side_is_the_lagrangians_gradient(drag, obstacle):
 def test_the_matrix_is_the_sum_of_the_gradients_squares(drag):
     rng = np.random.default_rng(2)
     line, problem = random_line(rng), some_problem(rng, drag)._replace(smooth=0.0, planes=np.zeros((SEGMENTS + 1, 3)))
-    counted, work = wanted(problem), room(SEGMENTS)
+    counted, work = wanted(problem), Store().room(SEGMENTS)
     work.dual[:], work.slack[:] = 1e-9 * counted, 1e-9  # ratio 1, and too small for second derivatives to count
-    evaluate(line, problem, work.ends, work.samples, work.c)
+    evaluate(line, problem, work.ends, work.samples, work.near, work.c)
     assemble(line, problem, 0.0, work)
     rows = []
     for after, before, size in steps(line):
@@ -168,8 +168,8 @@ def test_a_straight_line_is_measured_exactly(speed):
     line = np.zeros((SEGMENTS + 1, KNOT))
     line[:, 3], line[:, DURATION] = speed, 0.5
     line[:, 0], line[:, 2] = 0.5 * speed * np.arange(SEGMENTS + 1), 1.0
-    work, (worst, sampled) = room(SEGMENTS), np.empty((2, SEGMENTS, KINDS))
-    measure(line, problem, work.ends, work.samples, worst, sampled)
+    work, (worst, sampled) = Store().room(SEGMENTS), np.empty((2, SEGMENTS, KINDS))
+    measure(line, problem, FINE, work.ends, work.samples, worst, sampled)
     np.testing.assert_allclose(worst[:, 0], speed / 3.0, rtol=1e-9)
     np.testing.assert_allclose(worst[:, 2], math.hypot(9.80665, 0.5 * speed) / 27.0, rtol=1e-4)
     np.testing.assert_allclose(worst[:, 6], 0.2 - 1.0, rtol=1e-9)

@@ -4,7 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from planning_tracks import FIVE_GATES, at_rest, request_for
+from test_planner_contract import CROWDED
 
 from flightapp.config import Config
 from flightapp.interfaces import Limits, PlanningError, PlanRequest
@@ -13,9 +16,12 @@ from flightapp.planning.race import RacePlanner
 from flightapp.planning.race_search import EFFORT, Search
 from flightapp.planning.race_solver import REFUSAL, STEP, TRIES, TRY
 from flightapp.planning.race_step import REFUSALS
+from flightapp.planning.race_work import Store
 
 LAST = STEP + TRIES * TRY + REFUSALS * REFUSAL
 """The most effort that one step takes per segment, which may be begun with hardly any left."""
+MOST = 20_000
+"""Effort that any plan may take: some 45 ms at 2.5 GHz."""
 
 
 def zigzag(points):
@@ -57,6 +63,26 @@ def test_a_search_takes_no_more_than_its_effort(left, count, v_max):
     assert left[-1][0] < EFFORT
 
 
+@pytest.mark.parametrize("kind", sorted(CROWDED))
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 100_000), gates=st.integers(2, 40))
+def test_what_is_in_the_way_takes_no_more_effort(kind, seed, gates):
+    seen = []
+
+    class Kept(Search):
+        def __init__(self, store):
+            super().__init__(store)
+            seen.append(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(race, "Search", Kept)
+        try:
+            RacePlanner(Config()).plan(CROWDED[kind](seed, gates))
+        except PlanningError as refused:
+            assert str(refused)
+    assert all(EFFORT - search.effort <= MOST for search in seen)
+
+
 def test_steps_are_paid_for(left):
     RacePlanner(Config()).plan(request_for(FIVE_GATES))
     (first, segments), *_ = left
@@ -66,7 +92,7 @@ def test_steps_are_paid_for(left):
 def test_with_little_effort_the_plan_is_slower_but_keeps_its_limits(monkeypatch):
     request = request_for(FIVE_GATES)
     whole = RacePlanner(Config()).plan(request)
-    monkeypatch.setattr(race, "Search", lambda: Search(1_000))
+    monkeypatch.setattr(race, "Search", lambda store: Search(store, 1_000))
     short = RacePlanner(Config()).plan(request)
     assert short.duration > whole.duration
     peaks = short.limits()
@@ -75,6 +101,6 @@ def test_with_little_effort_the_plan_is_slower_but_keeps_its_limits(monkeypatch)
 
 
 def test_without_effort_there_is_no_search():
-    search = Search(race_search.FIRST.enough)
+    search = Search(Store(), race_search.FIRST.enough)
     assert not search.improve(np.zeros((41, 13)), None, race_search.FIRST, None)
     assert search.effort == race_search.FIRST.enough
