@@ -55,10 +55,38 @@ def _allow(s: Spline, limits: Vector) -> None:
 
 
 @lean_kernel
+def write(order: Order, s: Spline, knots: Vector, coefficients: Vector) -> bool:
+    """Fill ``knots`` (n + 3,) s and ``coefficients`` (n + 2, 3, 8), ascending powers; False where they are not finite.
+
+    The first and last segment are in two parts each, or in three if they are one.
+    """
+    knots[0], total = 0.0, 0.0
+    for p in range(s.times.size + 2):
+        i, _, t = piece(order, p, s, s.y, s.c)
+        knots[p + 1] = knots[p] + t
+        scale = 1.0
+        for m in range(ORDER):
+            for axis in range(3):
+                coefficients[p, axis, m] = scale * s.c[m, axis]
+                if m == 0:
+                    coefficients[p, axis, 0] += s.points[i, axis]
+                total += coefficients[p, axis, m]
+            scale /= t
+    return math.isfinite(total + knots[-1])
+
+
+@lean_kernel
 def optimise(
-    order: Order, s: Spline, search: Search, limits: Vector, last: tuple[Vector, Vector, float], moving: bool
+    order: Order,
+    s: Spline,
+    search: Search,
+    limits: Vector,
+    last: tuple[Vector, Vector, float],
+    moving: bool,
+    knots: Vector,
+    coefficients: Vector,
 ) -> int:
-    """Find the times of ``s``; an outcome.
+    """Find the times of ``s``, and `write` it to ``knots`` and ``coefficients``; an outcome.
 
     ``limits`` (4, 5) has those to keep to in its first row; the others are room, of which the last is left with the
     ratios to them. ``last`` are the last plan's points (m + 1, 3) and times (m,), and the s from its start to this.
@@ -89,10 +117,13 @@ def optimise(
             weight *= 3.0
         else:
             slow = more
-    if moving:
-        return FOUND if more == slow else EXCEEDED
-    _stretch(s, slow)
-    return FOUND if slow < math.inf else UNEVEN
+    if moving and more != slow:
+        return EXCEEDED
+    if not slow < math.inf:
+        return UNEVEN
+    if not moving:
+        _stretch(s, slow)
+    return FOUND if write(order, s, knots, coefficients) else UNEVEN
 
 
 @inlined
@@ -113,24 +144,3 @@ def _stretch(s: Spline, slow: float) -> None:
             power /= slow
             for axis in range(3):
                 s.derivatives[i, p, axis] *= power
-
-
-@lean_kernel
-def write(order: Order, s: Spline, knots: Vector, coefficients: Vector) -> bool:
-    """Fill ``knots`` (n + 3,) s and ``coefficients`` (n + 2, 3, 8), ascending powers; False where they are not finite.
-
-    The first and last segment are in two parts each, or in three if they are one.
-    """
-    knots[0], total = 0.0, 0.0
-    for p in range(s.times.size + 2):
-        i, _, t = piece(order, p, s, s.y, s.c)
-        knots[p + 1] = knots[p] + t
-        scale = 1.0
-        for m in range(ORDER):
-            for axis in range(3):
-                coefficients[p, axis, m] = scale * s.c[m, axis]
-                if m == 0:
-                    coefficients[p, axis, 0] += s.points[i, axis]
-                total += coefficients[p, axis, m]
-            scale /= t
-    return math.isfinite(total + knots[-1])

@@ -16,7 +16,7 @@ from flightapp.interfaces import Limits, PlanningError, PlanRequest
 from flightapp.planning.descent import search
 from flightapp.planning.facing import Heading
 from flightapp.planning.hermite import ACCELERATION, JERK, SNAP, Order
-from flightapp.planning.optimal import EXCEEDED, FOUND, UNEVEN, optimise, write
+from flightapp.planning.optimal import EXCEEDED, FOUND, UNEVEN, optimise
 from flightapp.planning.request import SAME_POINT, Route, check_request, gate_route, point_route
 from flightapp.planning.spline import Spline, spline
 from flightapp.trajectory import ORDER, Trajectory
@@ -154,14 +154,12 @@ class PolynomialPlanner:
             coefficients[:, :, 0] = route.points[0]
         else:
             s = spline(route.points, ends)
-            self._optimise(s, request, moving)
-            if not write(self._order, s, knots, coefficients):
-                raise PlanningError(_refusal(UNEVEN, knots, request.limits, self._vehicle))
+            self._optimise(s, request, moving, knots, coefficients)
             cosines = _cosines(s, route)
         passages = [float(knots[place + (place > 0) + (place == n)]) for place in route.gate_places]
         return self._heading.complete(knots, coefficients, passages, request), cosines
 
-    def _optimise(self, s: Spline, request: PlanRequest, moving: bool) -> None:
+    def _optimise(self, s: Spline, request: PlanRequest, moving: bool, knots: Vector, coefficients: Vector) -> None:
         limits = np.empty((4, 5))
         limits[0] = request.limits.v_max, request.limits.a_max, *self._vehicle
         if limits[0, 2] <= GRAVITY:
@@ -172,7 +170,7 @@ class PolynomialPlanner:
         outcome = EXCEEDED
         for last in (self._last, _NOTHING) if moving and self._last.times.size else (_NOTHING,):
             memory = (last.points, last.times, request.stamp - last.stamp)
-            outcome = optimise(self._order, s, search(s.times.size), limits, memory, moving)
+            outcome = optimise(self._order, s, search(s.times.size), limits, memory, moving, knots, coefficients)
             if outcome == FOUND:
                 break
         if outcome != FOUND:

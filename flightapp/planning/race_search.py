@@ -21,7 +21,7 @@ TOLERATED = 1.0008
 """Ratio to a limit, densely sampled, that counts as keeping to it."""
 NEAR = 2e-3
 """m, or of a cosine, that may be missing to clearance, floor and tilt."""
-FIRST = Parameters(0.02, 12, 40, 0, 0.03, 2e-2, 1e-2, 1.5, 0.1, 0.1, 2.0)
+FIRST = Parameters(0.02, 12, 40, 0, 0.03, 0.1, 1e-2, 1.5, 0.1, 0.1, 2.0)
 """For a line from nothing."""
 WARM = FIRST._replace(
     barrier=2e-4, enough=1, steps=25, gap=0.04, excess=2e-3, settled=0.5, shrink=0.5, damping=20.0, weight=5.0

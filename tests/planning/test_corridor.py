@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
 from flightapp.messages import GateEstimate
+from flightapp.planning import corridor
 from flightapp.planning.corridor import Places, Solids, detour, room
 from flightapp.planning.legs import nearer
 from flightapp.planning.obstacles import MARGIN, Margins, distance, names, packed
@@ -117,6 +118,17 @@ def test_what_blocks_the_leg_is_named_and_what_does_not_is_not():
     ) as caught:
         detour(course, solids(thick, thicker, post))
     assert "z 0.3 .. 4.5 m" in str(caught.value)
+
+
+def test_every_way_takes_effort_and_without_any_left_the_leg_is_named(monkeypatch):
+    points = [(0.0, 0.0, 1.5), (10.0, 0.0, 1.5), (0.0, 0.1, 1.5)]
+    once, twice = (detour(places(*points[:n]), solids(PILLAR)) for n in (2, 3))
+    assert detour(places((0, 3, 1.5), (10, 3, 1.5)), solids(PILLAR)).effort == 0.0
+    assert 0.0 < 1.5 * once.effort < twice.effort
+    monkeypatch.setattr(corridor, "EFFORT", once.effort + 1.0)
+    assert np.array_equal(detour(places(*points[:2]), solids(PILLAR)).points, once.points)
+    with pytest.raises(PlanningError, match=r"^the way from gate 1 to the end was not found in the time there is"):
+        detour(places(*points), solids(PILLAR))
 
 
 def test_the_room_can_be_given():
