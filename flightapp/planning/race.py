@@ -152,15 +152,16 @@ class RacePlanner:
             if layout is not None:
                 yield layout, WARM
         way = detour(Places.of(route, request), solids)
-        search.effort -= way.effort + (STOP * len(way.points) if len(solids.rows) else 0.0)
+        moving = bool(ends.any())
+        search.effort -= way.effort + (STOP * len(way.points) if len(solids.rows) and not moving else 0.0)
         lowest, directions = float(way.points[:, 2].min()), np.zeros_like(way.points)
         directions[~way.inserted] = route.directions
         for slower in SLOWER:
-            if search.effort <= 0.0 and not ends.any():
+            if search.effort <= 0.0 and not moving:
                 break  # a line that stops is found at once
             layout = lay_out(way.points, directions, ends, request.limits.v_max, slower)
             yield replace(layout, anchors=layout.anchors[~way.inserted], lowest=lowest), FIRST
-        for straight in () if ends.any() else RUNS:
+        for straight in () if moving else RUNS:
             layout = halting(way, directions, self._vehicle, request.limits, straight)
             yield replace(layout, lowest=lowest), None
 

@@ -112,26 +112,21 @@ def limits_of(vehicle: Vehicle, request: PlanRequest, targets: Targets) -> Vecto
     the start keeps to, to which the second may be drawn in.
     """
     start, limits = request.start, request.limits
-    force = start.acceleration + vehicle.drag * start.velocity + np.array([0.0, 0.0, GRAVITY])
-    jerk = start.jerk + vehicle.drag * start.acceleration
-    size = max(float(np.linalg.norm(force)), 1e-6)
-    turning = float(jerk @ jerk) - ALONG * (float(jerk @ force) / size) ** 2
-    floor = float(targets.points[:, 2].min()) - SAG
-    most = np.array([limits.v_max, limits.a_max, vehicle.force, vehicle.rate])
-    at_start = (1.0 + SLACK) * np.array(
-        [
-            float(np.linalg.norm(start.velocity)),
-            float(np.linalg.norm(start.acceleration)),
-            size,
-            math.sqrt(max(turning, 0.0)) / size,
-        ]
-    )
+    force = (start.acceleration + vehicle.drag * start.velocity).tolist()
+    force[2] += GRAVITY
+    jerk = (start.jerk + vehicle.drag * start.acceleration).tolist()
+    size = max(math.hypot(*force), 1e-6)
+    turning = math.hypot(*jerk) ** 2 - ALONG * (sum(j * f for j, f in zip(jerk, force, strict=True)) / size) ** 2
+    floor = min(targets.points[:, 2].tolist()) - SAG
+    most = limits.v_max, limits.a_max, vehicle.force, vehicle.rate
+    motion = math.hypot(*start.velocity.tolist()), math.hypot(*start.acceleration.tolist()), size
+    at_start = [(1.0 + SLACK) * x for x in (*motion, math.sqrt(max(turning, 0.0)) / size)]
     least, least_at_start = vehicle.least_force, size / (1.0 + SLACK)
-    tilt = min(vehicle.tilt, float(force[2]) / size - SLACK) if vehicle.tilt > -1.0 else -1.0
+    tilt = min(vehicle.tilt, force[2] / size - SLACK) if vehicle.tilt > -1.0 else -1.0
     return np.array(
         [
-            [*(RESERVE * most), least / RESERVE, vehicle.tilt, floor, 0.0],
-            [*np.maximum(most, at_start), min(least, least_at_start), tilt, floor, 0.0],
+            [*(RESERVE * x for x in most), least / RESERVE, vehicle.tilt, floor, 0.0],
+            [*map(max, most, at_start), min(least, least_at_start), tilt, floor, 0.0],
             [*at_start, least_at_start, tilt, floor, 0.0],
         ]
     )

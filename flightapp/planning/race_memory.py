@@ -1,13 +1,16 @@
 """What is left of the last line, moved to where its gates are now: where the next search begins in flight."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.interfaces import PlanRequest
 from flightapp.jit import lean_kernel
+from flightapp.messages import GateEstimate
 from flightapp.planning.race_problem import AT_KNOT, KINDS, PLACES
 from flightapp.planning.race_samples import DURATION, KNOT, SAMPLES, motion_at
 from flightapp.planning.race_smooth import bend
@@ -47,31 +50,30 @@ def continued(memory: Memory, request: PlanRequest, centres: Vector, directions:
     if not 0.0 < t < times[-1] - INSTANT or request.limits != old.limits:
         return None
     passed = int(np.count_nonzero(times[memory.layout.anchors[1:-1]] <= t))
-    left = [gate.gate_id for gate in old.gates[passed:]]
-    common = _common(left, [gate.gate_id for gate in request.gates])
-    whole = common == len(left) == len(request.gates)
-    if not whole and common == 0:
-        return None
+    common = _common(old.gates[passed:], request.gates)
+    whole = common == len(old.gates) - passed == len(request.gates)
     begun = motion_at(memory.layout.line, times, t)
-    if math.dist(begun[:3], request.start.position) > OFF:
+    if not (whole or common) or math.dist(begun[:3], request.start.position) > OFF:
         return None
-    anchors = memory.layout.anchors[1 + passed :]
-    last = int(anchors[-1] if whole else anchors[common - 1])
-    first = int(np.searchsorted(times, t, side="right"))
+    left = _left(memory, times, t, memory.layout.anchors[1 + passed :][: common + whole])
+    line, goals = left.line, [gate.position for gate in old.gates[passed : passed + common]] + [old.end] * whole
+    moves = np.vstack((request.start.position - begun[:3], centres[1 : len(left.anchors)] - np.array(goals)))
+    bend(line, left.anchors, moves, ends[0] - begun[3:].reshape(3, 3))
+    if whole:
+        line[-1, :3], line[-1, 3:DURATION] = request.end, ends[1].ravel()
+        return left
+    onwards = np.array([line[-1, 3:DURATION].reshape(3, 3), ends[1]])
+    return joined(left, lay_out(centres[common:], directions[common:], onwards, request.limits.v_max, 1.0))
+
+
+def _left(memory: Memory, times: Vector, t: float, anchors: NDArray[np.intp]) -> Layout:
+    """What there is of the line from ``t`` s on, up to the last of its ``anchors`` (m,), which are all after that."""
+    last, first = int(anchors[-1]), int(np.searchsorted(times, t, side="right"))
     while first < last and first not in anchors and times[first] - t < TOO_EARLY * EARLY:
         first += 1
     line, drawn, duals = _remainder(memory, times, t, first, last)
-    kept = np.concatenate(([0], anchors[: common + whole] - (last + 1 - len(line))))
-    goals = [gate.position for gate in old.gates[passed : passed + common]] + [old.end]
-    moves = np.vstack((request.start.position - begun[:3], centres[1 : len(kept)] - np.array(goals[: len(kept) - 1])))
-    bend(line, kept, moves, ends[0] - begun[3:].reshape(3, 3))
-    kept_layout = Layout(line, kept, len(line) - 1, drawn, duals, memory.layout.lowest)
-    if whole:
-        line[-1, :3], line[-1, 3:DURATION] = request.end, ends[1].ravel()
-        return kept_layout
-    onwards = np.array([line[-1, 3:DURATION].reshape(3, 3), ends[1]])
-    rest = lay_out(centres[common:], directions[common:], onwards, request.limits.v_max, 1.0)
-    return joined(kept_layout, rest)
+    kept = np.concatenate(([0], anchors - (last + 1 - len(line))))
+    return Layout(line, kept, len(line) - 1, drawn, duals, memory.layout.lowest)
 
 
 def _remainder(memory: Memory, times: Vector, t: float, first: int, last: int) -> tuple[Vector, Vector, Vector]:
@@ -111,9 +113,9 @@ def _recall(known: Vector, times: Vector, begin: float, end: float, to: int, dua
             duals[1, to, kind * SAMPLES + k] = known[1, i, kind * SAMPLES + nearest] * (end - begin) / span
 
 
-def _common(old: list[int], new: list[int]) -> int:
+def _common(old: Sequence[GateEstimate], new: Sequence[GateEstimate]) -> int:
     """How many of the leading gates are the same."""
     count = 0
-    while count < min(len(old), len(new)) and old[count] == new[count]:
+    while count < min(len(old), len(new)) and old[count].gate_id == new[count].gate_id:
         count += 1
     return count
