@@ -105,9 +105,9 @@ def detour(places: Places, solids: Solids, bounds: Vector | None = None) -> Way:
     if solids.rows.shape[0]:
         _check_places(places, solids)
         clear = clear_legs(places.points, places.directions, solids.rows, places.openings > 0.0)
+    box = room(places.points) if bounds is None else bounds
     for k, straight in enumerate(clear):
         if not straight:
-            box = room(places.points) if bounds is None else bounds
             around, left = _around(places, solids, k, box, left)
             points.extend(around)
             inserted.extend([True] * len(around))

@@ -153,7 +153,8 @@ class RacePlanner:
                 yield layout, WARM
         way = detour(Places.of(route, request), solids)
         moving = bool(ends.any())
-        search.effort -= way.effort + (STOP * len(way.points) if len(solids.rows) and not moving else 0.0)
+        kept = STOP * len(way.points) if len(solids.rows) and not moving else 0.0
+        search.effort -= way.effort + kept
         lowest, directions = float(way.points[:, 2].min()), np.zeros_like(way.points)
         directions[~way.inserted] = route.directions
         for slower in SLOWER:
@@ -161,6 +162,7 @@ class RacePlanner:
                 break  # a line that stops is found at once
             layout = lay_out(way.points, directions, ends, request.limits.v_max, slower)
             yield replace(layout, anchors=layout.anchors[~way.inserted], lowest=lowest), FIRST
+        search.effort += kept
         for straight in () if moving else RUNS:
             layout = halting(way, directions, self._vehicle, request.limits, straight)
             yield replace(layout, lowest=lowest), None

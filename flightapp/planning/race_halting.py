@@ -20,6 +20,8 @@ RUNS, SHARE = (0.3, 0.1, 0.02), 0.4
 before and after it."""
 SPEED, ACCELERATION, JERK = 35.0 / 16.0, 7.5132, 52.5
 """Peaks of a leg of degree 7 from rest to rest, of 1 m in 1 s."""
+STILL = (0.0,) * (DURATION - 3)
+"""A knot's velocity, acceleration and jerk at rest."""
 LEAST, LONGEST = 1e-3, CLOSE * FINE * SAMPLES / SPEED
 """m, a shorter leg is none; one that is longer has several segments, or it would be looked at too coarsely."""
 
@@ -30,17 +32,17 @@ def halting(way: Way, directions: Vector, vehicle: Vehicle, limits: Limits, stra
     Points with a direction are passed along it, ``straight`` m before and behind; the line rests at all others, and
     where it turns.
     """
-    knots, times, anchors = [_resting(way.points[0])], [0.0], [0]
+    points, towards = way.points.tolist(), directions.tolist()
+    knots, times, anchors = [[*points[0], *STILL]], [0.0], [0]
     v_max, agility = limits.v_max, min(limits.a_max, _agility(vehicle))
-    for k in range(1, len(way.points)):
-        point, run = way.points[k], 0.0
-        if k < len(way.points) - 1 and directions[k].any():
-            run = min(
-                straight, SHARE * math.dist(way.points[k - 1], point), SHARE * math.dist(point, way.points[k + 1])
-            )
-        _go(knots, times, point - run * directions[k], v_max, agility, vehicle.rate)
+    for k in range(1, len(points)):
+        point, run = points[k], 0.0
+        if k < len(points) - 1 and any(towards[k]):
+            run = min(straight, SHARE * math.dist(points[k - 1], point), SHARE * math.dist(point, points[k + 1]))
+        before, behind = ([x + side * d for x, d in zip(point, towards[k], strict=True)] for side in (-run, run))
+        _go(knots, times, before, v_max, agility, vehicle.rate)
         if run > LEAST:
-            _go(knots, times, point + run * directions[k], v_max, agility, vehicle.rate, 2)
+            _go(knots, times, behind, v_max, agility, vehicle.rate, 2)
         if not way.inserted[k]:
             anchors.append(len(knots) - (2 if run > LEAST else 1))
     line = np.ones((len(knots), KNOT))
@@ -56,22 +58,25 @@ def _agility(vehicle: Vehicle) -> float:
     return max(RESERVE * min(up, GRAVITY * math.sin(tilt)), 1e-3)
 
 
-def _between(begin: Vector, end: Vector, duration: float, u: float) -> Vector:
+def _between(begin: list[float], end: list[float], duration: float, u: float) -> list[float]:
     """The knot after the share ``u`` of the duration of a leg of degree 7 from rest to rest."""
     share = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
     speed = 140.0 * (u * (1.0 - u)) ** 3 / duration
     bend = 420.0 * (u * (1.0 - u)) ** 2 * (1.0 - 2.0 * u) / duration**2
     turn = 840.0 * u * (1.0 - u) * (1.0 - 5.0 * u * (1.0 - u)) / duration**3
-    away = end - begin
-    return np.concatenate((begin + share * away, speed * away, bend * away, turn * away))
-
-
-def _resting(point: Vector) -> Vector:
-    return np.concatenate((point, np.zeros(DURATION - 3)))
+    away = [y - x for x, y in zip(begin, end, strict=True)]
+    place = [x + share * d for x, d in zip(begin, away, strict=True)]
+    return [*place, *(rate * d for rate in (speed, bend, turn) for d in away)]
 
 
 def _go(
-    knots: list[Vector], times: list[float], point: Vector, v_max: float, agility: float, rate: float, least: int = 1
+    knots: list[list[float]],
+    times: list[float],
+    point: list[float],
+    v_max: float,
+    agility: float,
+    rate: float,
+    least: int = 1,
 ) -> None:
     """Add a leg of ``least`` or more parts to ``point`` from where ``knots`` end, unless it is there."""
     begin = knots[-1][:3]
@@ -85,5 +90,5 @@ def _go(
     duration /= RESERVE
     parts = max(least, math.ceil(length / LONGEST))
     knots.extend(_between(begin, point, duration, part / parts) for part in range(1, parts))
-    knots.append(_resting(point))
+    knots.append([*point, *STILL])
     times.extend([duration / parts] * parts)

@@ -20,8 +20,8 @@ from flightapp.planning.race_work import Store
 
 LAST = STEP + TRIES * TRY + REFUSALS * REFUSAL
 """The most effort that one step takes per segment, which may be begun with hardly any left."""
-MOST = 20_000
-"""Effort that any plan may take: some 45 ms at 2.5 GHz."""
+MOST = 16_000
+"""Effort that any plan may take: some 40 ms at 2.5 GHz."""
 
 
 def zigzag(points):
