@@ -29,7 +29,7 @@ NOBODY = -1.0
 """The owner of an opening that is closed for a search."""
 GREED = 1.5
 """Factor on the distance left in the search: with 1.1 it takes half as long again for ways shorter by 1 %."""
-EFFORT = 7_000.0
+EFFORT = 6_000.0
 """That the search for all ways of a route may take, as `bypass` counts it."""
 TOLL = 1e3
 """m of way per m that a point of the grid is too close: the last search finds narrow gaps, or what closes them."""
