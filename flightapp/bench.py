@@ -21,6 +21,7 @@ from flightapp.channel import Topic
 from flightapp.config import Config
 from flightapp.control.flatness import FlatnessController
 from flightapp.control.mpc import MpcController
+from flightapp.control.mpcc import MpccController
 from flightapp.control_speed import BATCH, compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.estimation.fusion import FusionEstimator
 from flightapp.evaluation.growth import wavy_course
@@ -130,6 +131,7 @@ def _control() -> Iterator[Row]:
     yield measure("controller_from_python", packed_commands(config, line), 20000)
     yield measure("controller_task", command, 20000)
     yield measure("mpc", python_commands(MpcController(config), line), 5000)
+    yield measure("mpcc", python_commands(MpccController(config), line), 5000)
     status = AutopilotStatus(0.0, FlightMode.OFFBOARD, True, False, True, 16.0, 1.0)
     topics: tuple[Topic[Any], Topic[Any]] = (Topic("setpoint"), Topic("command"))
 

@@ -12,7 +12,7 @@ import cv2
 import typer
 from rich.console import Console
 
-from flightapp import app, display, identify_command, plan_command, results, tune_command
+from flightapp import app, control_bench, display, identify_command, plan_command, results, tune_command
 from flightapp.autopilot.diagnosis import Light, diagnosis_json, diagnosis_tables
 from flightapp.autopilot.doctor import Change, Confirm, visit
 from flightapp.autopilot.link import Px4Link
@@ -205,7 +205,9 @@ def bench(
     false_ids: Annotated[
         int | None, typer.Option("--false-ids", min=1, help="counts markers seen in so many pictures without any")
     ] = None,
-    first_seed: Annotated[int, typer.Option(min=0, help="of the pictures of --false-ids")] = FIRST_SEED,
+    first_seed: Annotated[
+        int | None, typer.Option(min=0, help="of the pictures of --false-ids, of the vehicles of --control")
+    ] = None,
     control: Annotated[
         bool, typer.Option("--control", help="controllers side by side: tracking errors of vehicle and control alone")
     ] = False,
@@ -218,12 +220,13 @@ def bench(
 ) -> None:
     """Computation times on this computer, beside the paper's."""
     if false_ids is not None:
-        for counted in run_false_ids(false_ids, first_seed):
+        for counted in run_false_ids(false_ids, FIRST_SEED if first_seed is None else first_seed):
             console.print(false_ids_line(counted), highlight=False)
             results.write_json(json_file, counted)
         raise typer.Exit(1 if counted["false"] else 0)
     if control:
-        compared = run_control_bench(vehicle=vehicle, runs=runs)
+        seed = control_bench.FIRST_SEED if first_seed is None else first_seed
+        compared = run_control_bench(vehicle=vehicle, runs=runs, first_seed=seed)
         console.print(*map(rich_table, control_tables(compared)), sep="\n")
         results.write_json(json_file, compared)
         return

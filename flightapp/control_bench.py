@@ -25,11 +25,12 @@ COURSES = (
 """Mission and v_max, m/s."""
 PAPER = {"lemniscate": 1, "five_gates_loop": 7}
 """The paper's table of tracking errors beside a course; its five gates stood elsewhere."""
-CONTROLLERS = ("flatness", "mpc", "paper", "pd")
+CONTROLLERS = ("flatness", "mpc", "mpcc", "paper", "pd")
 STIFF = {"position_bandwidth": 6.0, "height_bandwidth": 6.5}
 GAINS: dict[str, dict[str, Any]] = {"paper": STIFF, "pd": STIFF}
 """What suits a controller better than the configured gains: the stiffest at which these two do not swing."""
 FIRST_SEED = 7000
+PATH_HEAD = ("time", "RMS", "time", "worst", "RMS", "worst RMS", "greatest", "m/s", "stood in")
 
 Rows = list[dict[str, Any]]
 
@@ -63,8 +64,8 @@ def run_control_bench(
     return {"runs": runs, "first_seed": first_seed, "vehicle": config.vehicle.name, "rows": rows}
 
 
-def control_tables(result: dict[str, Any]) -> tuple[TextTable, TextTable]:
-    """``result`` as text: controllers, and terms."""
+def control_tables(result: dict[str, Any]) -> tuple[TextTable, TextTable, TextTable]:
+    """``result`` as text: controllers by time, controllers along the path, and terms."""
     rows: Rows = result["rows"]
     runs = result["runs"]
     head = ("course", "v_max", "controller", "paper", "RMSE", "greatest", "RMSE", "worst RMSE", "greatest", "crashes")
@@ -76,8 +77,15 @@ def control_tables(result: dict[str, Any]) -> tuple[TextTable, TextTable]:
     terms = list(dict.fromkeys(row["without"] for row in rows if row["controller"] == "flatness"))
     cells = [[term or "nothing", *(_ablated(rows, term, *course) for course in courses)] for term in terms]
     names = [f"{name} {v_max:g}" for name, v_max in courses]
-    return whole, TextTable(
-        "flatness without a term: RMSE as believed / worst of the others, m", ("without", *names), cells
+    path = TextTable(
+        f"Along the path on {result['vehicle']}: s to the finish and m off the path; as believed; the others",
+        ("course", "v_max", "controller", *PATH_HEAD),
+        [_path_cells(row) for row in rows if not row["without"]],
+    )
+    return (
+        whole,
+        path,
+        TextTable("flatness without a term: RMSE as believed / worst of the others, m", ("without", *names), cells),
     )
 
 
@@ -103,6 +111,15 @@ def _cells(row: dict[str, Any]) -> list[str]:
     cells = [number(value, 3) for value in numbers]
     crashes = f"{perturbed['crashes']} of {perturbed['runs']}"
     return [row["course"], f"{row['v_max']:g}", row["controller"], *cells, crashes]
+
+
+def _path_cells(row: dict[str, Any]) -> list[str]:
+    nominal, perturbed = row["nominal"], row["perturbed"]
+    times = [number(nominal["time"], 2), number(nominal["contour"], 3)]
+    times += [number(perturbed[key], 2) for key in ("time", "time_worst")]
+    off = [number(perturbed[key], 3) for key in ("contour", "contour_worst", "contour_error")]
+    last = [number(perturbed["speed"], 2), str(perturbed["stood_in"])]
+    return [row["course"], f"{row['v_max']:g}", row["controller"], *times, *off, *last]
 
 
 def _ablated(rows: Rows, term: str, course: str, v_max: float) -> str:

@@ -5,7 +5,7 @@ data out, no clock and no asyncio. A rig (the real drone or the simulation) supp
 autopilot, the survey of the track and the worker that pays for computation.
 """
 
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
@@ -163,6 +163,16 @@ class Tunable(Protocol):
 
     def retune(self, config: Config) -> None:
         """Go on with the control section of ``config``: all of it from the next command on, and nothing forgotten."""
+        ...
+
+
+@runtime_checkable
+class WithFallback(Protocol):
+    """A controller that plans its commands, and for which another stands in where it cannot."""
+
+    @property
+    def fallbacks(self) -> Mapping[str, int]:
+        """Commands of the one that stands in, by their reason, since this was made."""
         ...
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
-from flightapp.evaluation.control_trials import LOST, Mismatch, Trial, trial
+from flightapp.evaluation.control_trials import LOST, Flown, Mismatch, Trial, trial
 from flightapp.frames import Vector
-from flightapp.interfaces import Controller
+from flightapp.interfaces import Controller, WithFallback
 from flightapp.jit import lean_kernel
 from flightapp.messages import VehicleState
 from flightapp.trajectory import Trajectory
@@ -26,12 +26,14 @@ AGE = 0.01
 """s from a state's capture until it is used."""
 SETTLING = 3.0
 """s of hover before the line begins."""
+WAIT = 1.0
+"""s after the line's end, for those who come late."""
 UNKNOWN = np.zeros((9, 9))
 """Controllers don't look at the covariance."""
 
 
 def fly(config: Config, controller: Controller, line: Trajectory, mismatch: Mismatch) -> Trial:
-    """Hover where ``line`` begins, then fly it; judged by the truth, from its start to its end.
+    """Hover where ``line`` begins, then fly it; judged by the truth, from its start to its end, or a little later.
 
     The controller sees the state of `AGE` before. What the delay cannot be shortened by, the state is newer.
     """
@@ -43,15 +45,16 @@ def fly(config: Config, controller: Controller, line: Trajectory, mismatch: Mism
     plant = Plant(vehicle, mismatch.seed, config.sim.step, mismatch.wind, mismatch.gust, first.position, first.yaw)
     plant.command(0.0, (0.0, 0.0, 0.0), config.vehicle.hover_thrust)
     controller.reset()
-    ticks = int(end * config.control.rate)
-    noise, errors = _noise(mismatch, ticks + 1), []
+    stood_in = _stood_in(controller)
+    ticks = int((end + WAIT) * config.control.rate)
+    noise, rows, crashed = _noise(mismatch, ticks + 1), [], False
     for tick in range(1, ticks + 1):
         stamp = tick / config.control.rate
         plant.advance(stamp)
         off = plant.position - line.setpoint(stamp).position
         crashed = plant.on_ground or bool(off @ off > LOST * LOST)
         if stamp >= SETTLING or crashed:
-            errors.append(off)
+            rows.append((stamp - SETTLING, *plant.position, float(np.linalg.norm(plant.velocity))))
         if crashed:
             break
         x = plant.state_at(max(stamp - age, 0.0))
@@ -60,7 +63,13 @@ def fly(config: Config, controller: Controller, line: Trajectory, mismatch: Mism
         command = controller.command(stamp, state, line)
         thrust.observe_voltage(plant.voltage, stamp)
         plant.command(stamp + vehicle.delay, command.rates, thrust.throttle(command.thrust))
-    return trial(np.array(errors), crashed)
+    seen = np.array(rows)
+    flown = Flown(seen[:, 0], seen[:, 1:4], seen[:, 4], crashed, _stood_in(controller) - stood_in)
+    return trial(line, flown)
+
+
+def _stood_in(controller: Controller) -> int:
+    return sum(controller.fallbacks.values()) if isinstance(controller, WithFallback) else 0
 
 
 def _noise(mismatch: Mismatch, ticks: int) -> Vector:

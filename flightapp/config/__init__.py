@@ -5,7 +5,7 @@ wrong is named by source, key, value, bound and nearest known key.
 """
 
 from flightapp.config.fields import Section
-from flightapp.config.flight import Control, Guard, Mission, Mpc, Planning, Race, Safety, Term
+from flightapp.config.flight import Control, Guard, Mission, Mpc, Mpcc, Planning, Race, Safety, Term
 from flightapp.config.perception import Detection, Estimation, GateMapping, Sensors
 from flightapp.config.system import Compute, ExternalVision, Link, Realtime, Recording, Simulation
 from flightapp.config.vehicle import Camera, Vehicle
@@ -24,6 +24,7 @@ __all__ = [
     "Link",
     "Mission",
     "Mpc",
+    "Mpcc",
     "Planning",
     "Race",
     "Realtime",

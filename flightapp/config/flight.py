@@ -95,6 +95,20 @@ class Mpc(Section):
     iterations: int = Field(1, ge=1, le=5, description="improvements of the plan at each tick")
 
 
+class Mpcc(Mpc):
+    """Contouring: the line's own time goes on faster or slower, as far as that keeps the vehicle on the line."""
+
+    rate_min: Finite = Field(0.7, gt=0.0, le=1.0, description="s of the line per s of flight, least")
+    rate_max: Finite = Field(1.2, ge=1.0, le=2.0, description="the same, greatest; never above the line's top speed")
+    ahead: Finite = Field(0.3, ge=0.0, le=5.0, description="s by which the line's time may run ahead")
+    behind: Finite = Field(1.0, ge=0.0, le=5.0, description="s by which it may fall behind")
+    worth: Finite = Field(1.0, gt=0.0, le=5.0, description="m off the line that count as much as no progress at all")
+    progress_bandwidth: Finite = Field(6.0, gt=0.1, le=50.0, description="rad/s, at which the line's rate changes")
+    stiffness: Finite = Field(1.4, gt=0.2, le=3.0, description="share of control's position bandwidths between gates")
+    gate_stiffness: Finite = Field(1.7, gt=0.2, le=3.0, description="share of them in a gate")
+    gate_zone: Finite = Field(1.5, gt=0.05, le=20.0, description="m from a gate within which the latter counts")
+
+
 class Race(Section):
     """How to race."""
 

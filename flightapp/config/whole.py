@@ -10,7 +10,7 @@ import tomlkit
 from pydantic import model_validator
 
 from flightapp.config.fields import Section
-from flightapp.config.flight import Control, Guard, Mission, Mpc, Planning, Race, Safety
+from flightapp.config.flight import Control, Guard, Mission, Mpc, Mpcc, Planning, Race, Safety
 from flightapp.config.perception import Detection, Estimation, GateMapping, Sensors
 from flightapp.config.system import Compute, ExternalVision, Link, Realtime, Recording, Simulation
 from flightapp.config.vehicle import Camera, Vehicle
@@ -29,6 +29,7 @@ class Config(Section):
     planning: Planning = Planning()
     control: Control = Control()
     mpc: Mpc = Mpc()
+    mpcc: Mpcc = Mpcc()
     race: Race = Race()
     mission: Mission = Mission()
     safety: Safety = Safety()

@@ -44,32 +44,39 @@ class Fallback(StrEnum):
 _REASONS = {NO_PROGRESS: Fallback.NO_PROGRESS, NOT_FINITE: Fallback.NOT_FINITE, ASTRAY: Fallback.ASTRAY}
 
 
+@fused
+def carried(off: Vector, grid: Vector, elapsed: float) -> None:
+    """Shift the plan ``off`` (n, 4) by ``elapsed`` s, between the middles of its steps along straight lines."""
+    n, j = off.shape[0], 0
+    for k in range(n):
+        now = grid[k, 4] + elapsed
+        while j < n - 2 and grid[j + 1, 4] < now:
+            j += 1
+        share = min((now - grid[j, 4]) / (grid[j + 1, 4] - grid[j, 4]), 1.0)
+        for i in range(INPUTS):
+            off[k, i] = (1.0 - share) * off[j, i] + share * off[j + 1, i]
+
+
 @lean_kernel
 def carry_on(work: Work, elapsed: float) -> None:
-    """Shift the plan `off` by ``elapsed`` s, between the middles of its steps along straight lines."""
-    n, j = work.off.shape[0], 0
-    for k in range(n):
-        now = work.grid[k, 4] + elapsed
-        while j < n - 2 and work.grid[j + 1, 4] < now:
-            j += 1
-        share = min((now - work.grid[j, 4]) / (work.grid[j + 1, 4] - work.grid[j, 4]), 1.0)
-        for i in range(INPUTS):
-            work.off[k, i] = (1.0 - share) * work.off[j, i] + share * work.off[j + 1, i]
+    """Shift the plan by ``elapsed`` s."""
+    carried(work.off, work.grid, elapsed)
 
 
 @fused
-def _begin(m: Vector, work: Work) -> Parameters:
-    """The vehicle as it is known by now, and as it is foreseen for the horizon's begin, into ``work``; with its bounds.
+def believe(m: Vector, believed: Vector, x: Vector, low: Vector, high: Vector) -> Parameters:
+    """The vehicle as it is known by now into ``believed``, and as it is foreseen for the horizon's begin into ``x``.
 
-    Thrusts in ``work`` are as the model has them, those sent are by the trim more.
+    ``low`` and ``high`` get the bounds of its inputs. Thrusts are as the model has them, those sent are by the trim
+    more.
     """
-    for i in range(work.believed.shape[0]):
-        work.believed[i] = m[at.PARAMETERS + i]
+    for i in range(believed.shape[0]):
+        believed[i] = m[at.PARAMETERS + i]
     for i in range(DRAG, DRAG + 3):
-        work.believed[i] *= 1.0 + m[at.DRAG]
+        believed[i] *= 1.0 + m[at.DRAG]
     for i in range(STATE):
-        work.x[0, i] = m[at.FORESEEN + i]
-    p, low, high = unpacked(work.believed), work.bounds[0], work.bounds[1]
+        x[i] = m[at.FORESEEN + i]
+    p = unpacked(believed)
     low[0] = low[1] = -p.rate_max
     high[0] = high[1] = p.rate_max
     low[2], high[2] = -p.yaw_rate_max, p.yaw_rate_max
@@ -78,20 +85,19 @@ def _begin(m: Vector, work: Work) -> Parameters:
 
 
 @fused
-def _astray(work: Work) -> bool:
-    """Whether the vehicle's thrust points so far away from the reference's that no slope shows the way back."""
-    x, r = work.x[0], work.reference[1]
+def astray(x: Vector, r: Vector) -> bool:
+    """Whether the thrust at ``x`` points so far away from that of the reference ``r`` that no slope shows the way."""
     return dot(axes((x[6], x[7], x[8], x[9]))[2], (r[6], r[7], r[8])) < ASTRAY_COSINE
 
 
 @fused
-def _send(p: Parameters, m: Vector, work: Work) -> float:
-    """Put the plan's first input in the place of the newest command; the specific force to send (m/s²)."""
+def send(p: Parameters, m: Vector, u: Vector, low: Vector, high: Vector) -> float:
+    """Put the input ``u`` in the place of the newest command; the specific force to send (m/s²)."""
     e = at.HISTORY + ((int(m[at.COUNT]) - 1) & at.MASK) * at.ENTRY + at.ENTRY_COMMAND
-    u, free = work.u[0], 1.0
+    free = 1.0
     for i in range(INPUTS):
         m[e + i] = u[i]
-        if u[i] <= work.bounds[0, i] or u[i] >= work.bounds[1, i]:
+        if u[i] <= low[i] or u[i] >= high[i]:
             free = 0.0
     m[at.FREE] = free
     m[at.RATES], m[at.RATES + 1], m[at.RATES + 2] = u[0], u[1], u[2]
@@ -105,18 +111,19 @@ def mpc_command(m: Vector, work: Work, elapsed: float, iterations: int) -> tuple
     How the search ended (see `plan`), and the specific force to send (m/s²). Unless it has PLANNED, what was in ``m``
     stands.
     """
-    p = _begin(m, work)
-    carry_on(work, elapsed)
+    low, high = work.bounds[0], work.bounds[1]
+    p = believe(m, work.believed, work.x[0], low, high)
+    carried(work.off, work.grid, elapsed)
     push = (m[at.DISTURBANCE], m[at.DISTURBANCE + 1], m[at.DISTURBANCE + 2])
     look_ahead(p, m, m[at.STAMP] + p.delay - m[at.ORIGIN], push, work)
-    if _astray(work):
+    if astray(work.x[0], work.reference[1]):
         return ASTRAY, math.nan
     ended, u = plan(work, push, iterations), work.u[0]
     if not math.isfinite(u[0] + u[1] + u[2] + u[3]):
         ended = NOT_FINITE
     if ended != PLANNED:
         return ended, math.nan
-    return ended, _send(p, m, work)
+    return ended, send(p, m, u, low, high)
 
 
 class MpcController(FlatnessController):
@@ -127,21 +134,21 @@ class MpcController(FlatnessController):
     """
 
     def __init__(self, config: Config) -> None:
-        parameters = parameters_of(config)
         self._period = 1.0 / config.control.rate
-        self._iterations = config.mpc.iterations
-        self._work = room(parameters, steps_of(parameters, self._period, config.mpc.horizon))
         self._last = math.nan
         self._ticks = 0
         self._fallbacks: Counter[Fallback] = Counter()
+        self._prepare(config)
         super().__init__(config)
+        # Compiled now, for the first tick that is late.
+        self._carry_on(0.0)
         self._ticks = 0
         self._fallbacks.clear()
 
     @property
-    def fallbacks(self) -> dict[Fallback, int]:
+    def fallbacks(self) -> dict[str, int]:
         """Ticks at which the flatness controller's command was sent, by their reason, since this was made."""
-        return dict(self._fallbacks)
+        return {str(reason): count for reason, count in self._fallbacks.items()}
 
     @property
     def report(self) -> str:
@@ -153,7 +160,7 @@ class MpcController(FlatnessController):
     def reset(self) -> None:
         """Forget the plan as well, at the start of a new flight."""
         super().reset()
-        self._work.off[:] = 0.0
+        self._drop_plan()
         self._last = math.nan
 
     def command(self, stamp: float, state: VehicleState, trajectory: Trajectory) -> RateCommand:
@@ -163,12 +170,28 @@ class MpcController(FlatnessController):
         self._ticks += 1
         if elapsed > LATE * self._period:
             self._fallbacks[Fallback.LATE] += 1
-            carry_on(self._work, elapsed)
+            self._carry_on(elapsed)
             return simple
-        since = 0.0 if math.isnan(elapsed) else max(elapsed, 0.0)
-        ended, thrust = mpc_command(self._memory, self._work, since, self._iterations)
+        ended, thrust = self._search(0.0 if math.isnan(elapsed) else max(elapsed, 0.0))
         if ended != PLANNED:
             self._fallbacks[_REASONS[ended]] += 1
-            self._work.off[:] = 0.0
+            self._drop_plan()
             return simple
         return RateCommand(stamp, self._memory[at.RATES : at.RATES + 3].copy(), thrust)
+
+    def _prepare(self, config: Config) -> None:
+        """Make room for a plan."""
+        parameters = parameters_of(config)
+        self._iterations = config.mpc.iterations
+        self._work = room(parameters, steps_of(parameters, self._period, config.mpc.horizon))
+
+    def _drop_plan(self) -> None:
+        self._work.off[:] = 0.0
+
+    def _carry_on(self, elapsed: float) -> None:
+        """Let ``elapsed`` s of the plan go by without a search."""
+        carry_on(self._work, elapsed)
+
+    def _search(self, elapsed: float) -> tuple[int, float]:
+        """Plan the command, ``elapsed`` s after the last; see `mpc_command`."""
+        return mpc_command(self._memory, self._work, elapsed, self._iterations)

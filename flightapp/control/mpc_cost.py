@@ -51,7 +51,8 @@ def _tilt_cosine(p: Parameters) -> float:
 
 
 @fused
-def _gains(p: Parameters, axis: int) -> tuple[float, float]:
+def position_gains(p: Parameters, axis: int) -> tuple[float, float]:
+    """Gains of position and velocity along a world ``axis``, 1/s² and 1/s."""
     return (p.kp_z, p.kd_z) if axis == 2 else (p.kp_xy, p.kd_xy)
 
 
@@ -61,23 +62,31 @@ def _errors(x: Vector, r: Vector, axis: int) -> tuple[float, float]:
 
 
 @fused
+def attitude_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: bool, effort: float) -> float:
+    """What of `state_cost` is that of heading and a share ``effort`` of that of the tilt."""
+    bx, _, bz = axes((x[6], x[7], x[8], x[9]))
+    turn = lean(r)
+    tilt = 2.0 * effort * turn * turn * (1.0 - dot(bz, (r[6], r[7], r[8])))
+    heading = 2.0 * HEADING * r[13] * (1.0 - dot(bx, (r[9], r[10], r[11])))
+    beyond = max(_tilt_cosine(p) - bz[2], 0.0)
+    total = tilt + heading + TILT_LIMIT * beyond * beyond
+    if last:
+        total += (tilt / p.attitude_gain + heading / p.yaw_gain) / duration
+    return float(0.5 * duration * total)
+
+
+@fused
 def state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: bool) -> float:
     """Cost of being at ``x`` (14,) rather than at ``r`` (REFERENCE,) for ``duration`` s, and at the end if ``last``."""
     total = end = 0.0
     for axis in range(3):
-        kp, kd = _gains(p, axis)
+        kp, kd = position_gains(p, axis)
         e, d = _errors(x, r, axis)
         total += kp * kp * e * e + (kd * kd - 2.0 * kp) * d * d
         end += kp * kd * e * e + 2.0 * kp * e * d + kd * d * d
-    bx, _, bz = axes((x[6], x[7], x[8], x[9]))
-    turn = lean(r)
-    tilt = 2.0 * turn * turn * (1.0 - dot(bz, (r[6], r[7], r[8])))
-    heading = 2.0 * HEADING * r[13] * (1.0 - dot(bx, (r[9], r[10], r[11])))
-    beyond = max(_tilt_cosine(p) - bz[2], 0.0)
-    total += tilt + heading + TILT_LIMIT * beyond * beyond
     if last:
-        total += (end + tilt / p.attitude_gain + heading / p.yaw_gain) / duration
-    return float(0.5 * duration * total)
+        total += end / duration
+    return float(0.5 * duration * total + attitude_cost(p, x, r, duration, last, 1.0))
 
 
 @fused
@@ -95,7 +104,7 @@ def add_state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: b
     """
     end = 1.0 if last else 0.0
     for axis in range(3):
-        kp, kd = _gains(p, axis)
+        kp, kd = position_gains(p, axis)
         e, d = _errors(x, r, axis)
         pp = duration * kp * kp + end * kp * kd
         vv = duration * (kd * kd - 2.0 * kp) + end * kd
@@ -106,10 +115,19 @@ def add_state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: b
         value[k, i] += end * kp
         value[i, 13] += pp * e + end * kp * d
         value[k, 13] += vv * d + end * kp * e
+    add_attitude_cost(p, x, r, duration, last, 1.0, value)
+
+
+@fused
+def add_attitude_cost(
+    p: Parameters, x: Vector, r: Vector, duration: float, last: bool, effort: float, value: Vector
+) -> None:
+    """What of `add_state_cost` is that of heading and a share ``effort`` of that of the tilt."""
+    end = 1.0 if last else 0.0
     body = axes((x[6], x[7], x[8], x[9]))
     z, h = _seen(body, r, 6), _seen(body, r, 9)
     turn = lean(r)
-    tilt = turn * turn * (duration + end / p.attitude_gain)
+    tilt = effort * turn * turn * (duration + end / p.attitude_gain)
     heading = HEADING * r[13] * (duration + end / p.yaw_gain)
     value[6, 6] += tilt
     value[7, 7] += tilt + heading

@@ -24,7 +24,7 @@ def _unit(force: Triple) -> tuple[Triple, float]:
 
 
 @fused
-def _needed(p: Parameters, goal: Reference, yaw: float, yaw_rate: float, push: Triple) -> Needs:
+def needed(p: Parameters, goal: Reference, yaw: float, yaw_rate: float, push: Triple) -> Needs:
     """What the motion ``goal`` needs against ``push`` (m/s²): thrust axis, heading axis and body rates (world).
 
     And the heading's weight, the thrust (m/s²) and its rate (m/s³). Drag turns with the body: its mean is taken first,
@@ -63,13 +63,13 @@ def look_ahead(p: Parameters, m: Vector, begin: float, push: Triple, work: Work)
     for k in range(work.u.shape[0]):
         middle = begin + work.grid[k, 4]
         yaw, yaw_rate = heading(m, middle, p.yaw_lead)
-        _, _, omega, _, thrust, thrust_rate = _needed(p, reference(m, middle), yaw, yaw_rate, push)
+        _, _, omega, _, thrust, thrust_rate = needed(p, reference(m, middle), yaw, yaw_rate, push)
         asked, row = work.asked[k], work.reference[k + 1]
         asked[0], asked[1], asked[2] = omega
         asked[3] = thrust + p.thrust_lead * thrust_rate
         end = middle + 0.5 * work.grid[k, 0]
         goal, (yaw, _) = reference(m, end), heading(m, end, 0.0)
-        z, x, _, weight, thrust, _ = _needed(p, goal, yaw, 0.0, push)
+        z, x, _, weight, thrust, _ = needed(p, goal, yaw, 0.0, push)
         row[0], row[1], row[2] = along(goal[0], -beyond, away)
         row[3], row[4], row[5] = goal[1]
         row[6], row[7], row[8] = z

@@ -7,7 +7,7 @@ Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal f
 
 import math
 
-from flightapp.control.box_qp import minimise
+from flightapp.control.box_qp import answer, minimise
 from flightapp.control.mpc_cost import add_state_cost, input_cost, input_weights, state_cost
 from flightapp.control.mpc_model import INPUTS, TANGENT, difference, linearise, pull_back, step
 from flightapp.control.mpc_work import Work
@@ -81,33 +81,6 @@ def _accept(work: Work) -> None:
 
 
 @fused
-def _answer(work: Work, k: int) -> None:
-    """The ``k``-th gains, and the value before the step, from the factor in `small` and the derivatives in `full`."""
-    gains, full, half, value = work.gains[k], work.full, work.half, work.value
-    factor, free, feed = work.small[4:8], work.lines[1], work.feed[k]
-    columns = gains.shape[1]
-    for i in range(INPUTS):
-        for c in range(columns):
-            gains[i, c] = -free[i] * full[TANGENT + i, c]
-        for m in range(i):
-            for c in range(columns):
-                gains[i, c] -= factor[i, m] * gains[m, c]
-        for c in range(columns):
-            gains[i, c] *= factor[i, i]
-    for i in range(INPUTS - 1, -1, -1):
-        for m in range(i + 1, INPUTS):
-            for c in range(columns):
-                gains[i, c] -= factor[m, i] * gains[m, c]
-        for c in range(columns):
-            gains[i, c] *= factor[i, i]
-    for i in range(TANGENT):
-        q0, q1, q2, q3 = full[TANGENT, i], full[TANGENT + 1, i], full[TANGENT + 2, i], full[TANGENT + 3, i]
-        for c in range(columns):
-            value[i, c] = full[i, c] + q0 * gains[0, c] + q1 * gains[1, c] + q2 * gains[2, c] + q3 * gains[3, c]
-        value[i, TANGENT] = half[i, TANGENT] + q0 * feed[0] + q1 * feed[1] + q2 * feed[2] + q3 * feed[3]
-
-
-@fused
 def _improve(p: Parameters, work: Work, k: int) -> float:
     """The ``k``-th input's best change, and what it gains (≤ 0); NaN where there is none.
 
@@ -153,7 +126,7 @@ def _backward(p: Parameters, work: Work) -> float:
     for k in range(n - 1, -1, -1):
         add_state_cost(p, work.x[k + 1], work.reference[k + 1], work.grid[k, 0], k == n - 1, value)
         gain += _improve(p, work, k)
-        _answer(work, k)
+        answer(work.full, work.half, work.small[4:8], work.lines[1], work.feed[k], work.gains[k], value)
     return gain
 
 

@@ -9,6 +9,7 @@ from flightapp.autopilot.guard import CommandGuard
 from flightapp.config import Config
 from flightapp.control.flatness import FlatnessController
 from flightapp.control.mpc import MpcController
+from flightapp.control.mpcc import MpccController
 from flightapp.control_speed import compiled_commands, compiled_laws, packed_commands, python_commands
 from flightapp.messages import AutopilotStatus, FlightMode
 
@@ -29,7 +30,7 @@ def test_bench_controller_from_python(benchmark):
     assert math.isfinite(benchmark(packed_commands(Config(), LINE)))
 
 
-@pytest.mark.parametrize("controller", [FlatnessController, MpcController])
+@pytest.mark.parametrize("controller", [FlatnessController, MpcController, MpccController])
 def test_bench_controller_task(benchmark, controller):
     assert math.isfinite(benchmark(python_commands(controller(Config()), LINE)).thrust)
 
