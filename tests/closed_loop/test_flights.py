@@ -29,6 +29,7 @@ def fly(out, mission, seed, *overrides):
         ("four_gates", 1003, CORNERS),
         ("one_gate", 1004, CORNERS),
         ("five_gates", 1005, (*CORNERS, "sim.gust=0.5", "sim.wind=1.0")),
+        ("five_gates", 1007, (*CORNERS, "control.controller='mpcc'")),
     ],
 )
 def test_a_race_passes_every_gate(tmp_path, mission, seed, overrides):

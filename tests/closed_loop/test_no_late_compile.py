@@ -35,13 +35,16 @@ def watched():
             print("late:", kernel.py_func.__module__, kernel.py_func.__qualname__)
 
 app.undisturbed = watched
-flown = app.fly(app.FlightPlan(Path(sys.argv[1]), Path(sys.argv[2]), overrides=(sys.argv[3],), seed=1030))
+flown = app.fly(app.FlightPlan(Path(sys.argv[1]), Path(sys.argv[2]), overrides=tuple(sys.argv[3:]), seed=1030))
 print(flown.ending.outcome)
 """
 
 
-@pytest.mark.parametrize(("mission", "camera"), [("five_gates", "rendered"), ("one_gate", "corners")])
-def test_no_kernel_compiles_in_flight(tmp_path, mission, camera):
+@pytest.mark.parametrize(
+    ("mission", "camera", "controller"),
+    [("five_gates", "rendered", "flatness"), ("one_gate", "corners", "flatness"), ("one_gate", "corners", "mpcc")],
+)
+def test_no_kernel_compiles_in_flight(tmp_path, mission, camera, controller):
     command = [
         sys.executable,
         "-c",
@@ -49,6 +52,7 @@ def test_no_kernel_compiles_in_flight(tmp_path, mission, camera):
         MISSIONS / f"{mission}.py",
         tmp_path / "run",
         f"sim.camera={camera}",
+        f"control.controller={controller}",
     ]
     ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
     assert ended.stdout.split("\n")[:-1] == ["GOAL_ACHIEVED"]

@@ -5,31 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from lag_plant import LagPlant, Lags, Noise, at_start, believing, fly, lemniscate
-from numba.core.runtime import _nrt_python, rtsys
 from planned import CONFIG, REST, state
 
 from flightapp.config import Config
-from flightapp.control import layout as at
-from flightapp.control.flatness import FlatnessController, flatness_command
+from flightapp.control.flatness import FlatnessController
 from flightapp.control.mpc import Fallback
-from flightapp.control.mpcc import MpccController, mpcc_command
+from flightapp.control.mpcc import MpccController
 from flightapp.evaluation.control_trials import Flown, Mismatch, trial
 from flightapp.frames import GRAVITY, quat_from_euler
-from flightapp.jit import lean_kernel
 from flightapp.planning.pacer import TOLERATED
 from flightapp.trajectory import hover
 from sim.trials import fly as fly_vehicle
-
-
-@lean_kernel
-def commands(m, work, n):
-    total = 0.0
-    for tick in range(1, n + 1):
-        m[at.STAMP] = m[at.STATE] = 0.004 * tick
-        total += flatness_command(m)
-        ended, thrust = mpcc_command(m, work, 0.0, 0.004, 1)
-        total += ended + thrust
-    return total
 
 
 def test_what_cannot_be_planned_is_left_to_the_flatness_controller_and_counted():
@@ -44,23 +30,6 @@ def test_what_cannot_be_planned_is_left_to_the_flatness_controller_and_counted()
     controller.command(0.108, state(0.108), line)
     assert controller.report == "1 of 4 commands planned; by flatness: astray 1, late 1, not finite 1"
     assert controller.lead == 0.0
-
-
-def test_a_tick_allocates_nothing():
-    controller, line = MpccController(CONFIG), lemniscate(5.0)
-    controller.command(0.0, state(), line)
-    memory, work = controller._memory, controller._room
-    commands(memory, work, 1)
-    _nrt_python.memsys_enable_stats()
-    try:
-        counts = [rtsys.get_allocation_stats().alloc]
-        for call in (lambda: commands(memory, work, 50), lambda: line.sample(0.0)):
-            assert call() is not None
-            counts.append(rtsys.get_allocation_stats().alloc)
-    finally:
-        _nrt_python.memsys_disable_stats()
-    assert counts[1] == counts[0]
-    assert counts[2] > counts[1]
 
 
 def race(v_peak, real=None, noise=None, config=None, controller=None):
