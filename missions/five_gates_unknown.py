@@ -3,7 +3,9 @@
 TRACK = "tracks/five_gates.toml"
 SETTINGS = {
     "mission.gates_known": False,
-    "mission.geofence": [-20.0, -16.0, -0.5, 16.0, 16.0, 8.0],
+    "geofence.corners": [(-20.0, -16.0), (16.0, 16.0)],
+    "geofence.floor": -0.5,
+    "geofence.ceiling": 8.0,
     "mission.takeoff_height": 1.5,
     "race.v_max": 3.0,
     "race.search_timeout": 180.0,

@@ -3,7 +3,9 @@
 TRACK = "tracks/four_gates_far.toml"
 SETTINGS = {
     "mission.gates_known": False,
-    "mission.geofence": [-6.0, -6.0, -0.5, 6.0, 6.0, 4.0],
+    "geofence.corners": [(-6.0, -6.0), (6.0, 6.0)],
+    "geofence.floor": -0.5,
+    "geofence.ceiling": 4.0,
     "mission.takeoff_height": 1.5,
     "race.v_max": 1.0,
     "race.a_max": 4.0,

@@ -3,7 +3,9 @@
 TRACK = "tracks/one_gate.toml"
 SETTINGS = {
     "mission.gates_known": False,
-    "mission.geofence": [-8.0, -8.0, -0.5, 12.0, 8.0, 5.0],
+    "geofence.corners": [(-8.0, -8.0), (12.0, 8.0)],
+    "geofence.floor": -0.5,
+    "geofence.ceiling": 5.0,
     "mission.takeoff_height": 1.5,
     "race.v_max": 2.0,
     "race.standoff": 2.0,

@@ -5,8 +5,9 @@ wrong is named by source, key, value, bound and nearest known key.
 """
 
 from flightapp.config.fields import Section
-from flightapp.config.flight import Control, Guard, Mission, Mpc, Mpcc, Planning, Race, Safety, Term
+from flightapp.config.flight import Control, Guard, Mission, Mpc, Mpcc, Planning, Race, Term
 from flightapp.config.perception import Detection, Estimation, GateMapping, Sensors
+from flightapp.config.safety import Geofence, Safety
 from flightapp.config.system import Compute, ExternalVision, Link, Realtime, Recording, Simulation
 from flightapp.config.vehicle import Camera, Vehicle
 from flightapp.config.whole import Config, dump_config, load_config
@@ -20,6 +21,7 @@ __all__ = [
     "Estimation",
     "ExternalVision",
     "GateMapping",
+    "Geofence",
     "Guard",
     "Link",
     "Mission",

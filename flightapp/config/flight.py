@@ -1,8 +1,8 @@
-"""How to fly: plans, control, the race, and when to stop."""
+"""How to fly: plans, control, the race, and what reaches the autopilot."""
 
 from typing import ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from flightapp.config.fields import Finite, Section
 
@@ -124,7 +124,7 @@ class Race(Section):
 
 
 class Mission(Section):
-    """Heights, patience and geofence of a mission."""
+    """Heights and patience of a mission."""
 
     takeoff_height: Finite = Field(1.5, ge=0.3, le=20.0, description="m above the ground")
     takeoff_timeout: Finite = Field(40.0, gt=1.0, le=120.0, description="s, the autopilot getting ready included")
@@ -135,24 +135,6 @@ class Mission(Section):
         default_factory=dict, description="what the mission itself can be told: its PARAMETERS, by name"
     )
     map: str = Field("", description="the map.toml of an earlier flight, whose places of gates are used")
-    geofence: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
-        (-100.0, -100.0, -1.0, 100.0, 100.0, 30.0),
-        description="m, world: least x, y, z and greatest x, y, z of the box within which gates are searched for",
-    )
-
-    @field_validator("geofence")
-    @classmethod
-    def _box(cls, fence: tuple[float, ...]) -> tuple[float, ...]:
-        if any(high - low < 1.0 for low, high in zip(fence[:3], fence[3:], strict=True)):
-            raise ValueError("the geofence must be at least 1 m wide along each axis: least x, y, z, greatest x, y, z")
-        return fence
-
-
-class Safety(Section):
-    """When to stop trusting."""
-
-    state_timeout: Finite = Field(0.25, gt=0.01, le=5.0, description="s without a state before landing")
-    tracking_error: Finite = Field(2.0, gt=0.1, le=20.0, description="m off the line before landing")
 
 
 class Guard(Section):

@@ -10,8 +10,9 @@ import tomlkit
 from pydantic import model_validator
 
 from flightapp.config.fields import Section
-from flightapp.config.flight import Control, Guard, Mission, Mpc, Mpcc, Planning, Race, Safety
+from flightapp.config.flight import Control, Guard, Mission, Mpc, Mpcc, Planning, Race
 from flightapp.config.perception import Detection, Estimation, GateMapping, Sensors
+from flightapp.config.safety import Geofence, Safety
 from flightapp.config.system import Compute, ExternalVision, Link, Realtime, Recording, Simulation
 from flightapp.config.vehicle import Camera, Vehicle
 from flightapp.frames import GRAVITY
@@ -33,6 +34,7 @@ class Config(Section):
     race: Race = Race()
     mission: Mission = Mission()
     safety: Safety = Safety()
+    geofence: Geofence = Geofence()
     guard: Guard = Guard()
     link: Link = Link()
     external_vision: ExternalVision = ExternalVision()

@@ -7,6 +7,7 @@ from flightapp.interfaces import Planner, PlanningError, PlanRequest
 from flightapp.messages import GateEstimate
 from flightapp.planning.clearance import touched
 from flightapp.planning.feasibility import Screen
+from flightapp.planning.geofence import Geofence
 from flightapp.planning.goal import Goal
 from flightapp.planning.obstacles import Margins
 from flightapp.planning.pacer import Paced, Pacer
@@ -21,6 +22,7 @@ class Answerer:
         self._planner = planner
         self._pacer = pacer
         self._margins = Margins.of(config)
+        self._fence = Geofence.of(config.geofence)
         self._screen = Screen(config) if config.planning.screen else None
 
     def answer(
@@ -33,6 +35,8 @@ class Answerer:
         plan = self._plan(goal, request)
         if fault := splice_fault(plan, request.start):
             raise PlanningError(fault)
+        if out := self._fence.exit(plan):
+            raise PlanningError(str(out))
         if touch := touched(plan, gates, request.shape, request.obstacles, self._margins):
             raise PlanningError(str(touch))
         why = ""

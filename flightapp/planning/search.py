@@ -9,6 +9,7 @@ import numpy as np
 from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.messages import GateEstimate
+from flightapp.planning.geofence import Geofence
 from flightapp.planning.obstacles import CENTRE, COS, CYLINDER, HALF, KIND, SIN, Margins, packed
 from flightapp.track import GateShape, Track
 
@@ -34,10 +35,11 @@ BESIDE = -0.5
 class Room:
     """Where a search may go."""
 
-    low: Vector
-    """(3,) m, world."""
-    high: Vector
-    """(3,) m, world."""
+    fence: Geofence
+    margin: float
+    """m to keep from its faces."""
+    low: float
+    """m, least height, world."""
     solids: Vector
     """(k, obstacles.WIDTH) what to keep clear of."""
     away: float
@@ -46,17 +48,21 @@ class Room:
     @classmethod
     def of(cls, config: Config, track: Track, gates: Sequence[GateEstimate]) -> "Room":
         """The geofence above the ground, without the obstacles and the frames of ``gates``."""
-        fence = np.array(config.mission.geofence)
-        margin = config.vehicle.radius + INSIDE
-        low, high = fence[:3] + margin, fence[3:] - margin
-        low[2] = max(low[2], track.start.position[2] + LEAST_HEIGHT)
-        middle = 0.5 * (fence[:3] + fence[3:])
+        fence = Geofence.of(config.geofence)
+        low = min(track.start.position[2] + LEAST_HEIGHT, 0.5 * (fence.floor + fence.ceiling))
         solids = packed(track.obstacles, gates, track.gate, Margins.of(config))
-        return cls(np.minimum(low, middle), np.maximum(high, middle), solids, config.vehicle.radius + AWAY)
+        return cls(fence, config.vehicle.radius + INSIDE, low, solids, config.vehicle.radius + AWAY)
+
+    @property
+    def width(self) -> float:
+        """m, the greatest extent along x or y."""
+        return float(np.ptp(self.fence.corners, axis=0).max())
 
     def within(self, point: Vector) -> Vector:
-        """The place within the geofence that is nearest to ``point`` (3,)."""
-        return np.clip(point, self.low, self.high)
+        """A place within the geofence, near ``point`` (3,)."""
+        place = self.fence.within(point, self.margin)
+        place[2] = max(place[2], self.low)
+        return place
 
     def free(self, point: Vector) -> bool:
         """Whether ``point`` (3,) is clear of everything that is known."""
@@ -76,7 +82,7 @@ def viewpoints(middle: Vector, heading: float, step: float, room: Room) -> Itera
     ``heading`` (rad), leads across it and all round. Heights change from one place to the next. The pattern ends
     where a whole ring lies outside.
     """
-    for ring in range(1, 1 + math.ceil(float(np.max(room.high - room.low)) * math.sqrt(2.0) / step)):
+    for ring in range(1, 1 + math.ceil(room.width * math.sqrt(2.0) / step)):
         outside = True
         count = 6 * ring
         for k in range(count):

@@ -93,7 +93,7 @@ def test_a_gate_that_appears_during_the_first_turn_ends_the_search_at_once():
 
 
 def test_the_search_turns_all_round_first_and_then_widens_within_the_geofence():
-    context = airborne(mission__geofence=(-9.0, -9.0, 0.0, 9.0, 9.0, 5.0))
+    context = airborne(geofence__corners=((-9.0, -9.0), (9.0, 9.0)), geofence__floor=0.0, geofence__ceiling=5.0)
     planning = Planning(context)
     scans = []
     context.bus.trajectory.tap(lambda scan: scans.append((context.now(), scan)))
