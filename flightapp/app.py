@@ -38,6 +38,8 @@ from flightapp.recording.applog import AppLog
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
 from flightapp.retuning import Retuner, hangups
+from flightapp.safety.monitor import Monitor
+from flightapp.safety.watch import Watch as HealthWatch
 from flightapp.timing import KernelTicker, Ticker
 from flightapp.track import Track
 from flightapp.warmup import warm_up
@@ -71,6 +73,8 @@ class Flown:
     wall: float
     """s that it took; in virtual time much less."""
     out: Path
+    log_error: str
+    """Why the log is not complete; empty where it is."""
 
 
 def prepare(plan: FlightPlan) -> tuple[MissionFile, Config]:
@@ -106,7 +110,8 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         (plan.out / "config.toml").write_text(text, encoding="utf-8")
         track = mission.track.model_dump_json()
         header = {"mission": mission.name, "seed": str(plan.seed), "track": track, "config": text}
-        log = FlightLog(plan.out / "flight.mcap", header=header, opening=mission.track.gate.opening)
+        opening, create = mission.track.gate.opening, rig.computer.create
+        log = FlightLog(plan.out / "flight.mcap", header=header, opening=opening, create=create)
         recorder = Recorder(log, threaded=plan.realtime)
         entries = {"outcome": Outcome.PROCESS_FAILURE.value, "reason": "not started"}
         try:
@@ -118,11 +123,21 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
                     ending = await flight.run(session if plan.realtime else None)
                 entries = {"outcome": ending.outcome.value, "reason": ending.reason, "sender": flight.report()}
         finally:
-            recorder.close(**entries)
-        return Flown(mission.name, plan.seed, ending, tasks.now() - begin, time.perf_counter() - wall, plan.out)
+            error = _close(recorder, entries)
+        wall = time.perf_counter() - wall
+        return Flown(mission.name, plan.seed, ending, tasks.now() - begin, wall, plan.out, error)
 
     with asyncio.Runner(loop_factory=rig_class.loop_factory(plan.realtime)) as runner:
         return runner.run(main())
+
+
+def _close(recorder: Recorder, entries: dict[str, str]) -> str:
+    """Close the log; why it is not complete, or empty."""
+    try:
+        recorder.close(**entries)
+    except OSError as error:
+        return str(error)
+    return ""
 
 
 def _ticker(config: Config, realtime: bool) -> Ticker:
@@ -154,7 +169,6 @@ def _wire(
     bus, line, retune = Bus(), Line(), asyncio.Event()
     _record(recorder, bus, rig, config)
     bus.event.tap(app_log.write)
-    bus.fault.tap(bus.event.publish)
     rig.autopilot.notices.tap(bus.event.publish)
     known = with_map(rig.survey(told(mission.track, config)), config)
     modules = choose_modules(config, known, rig.camera.model)
@@ -166,6 +180,9 @@ def _wire(
         watch(bus, rig)
 
     async def run(session: RealtimeSession | None) -> Ending:
+        errors = partial(_log_error, recorder, app_log)
+        rate = config.control.rate
+        watched = HealthWatch(bus, rig.autopilot, line, rig.computer, ticker, rate, out, errors, tasks.now())
         work: dict[str, Coroutine[Any, Any, None]] = {
             "camera": tasks.camera(rig, bus),
             "detection": tasks.detection(rig, bus, modules, config, known),
@@ -173,17 +190,16 @@ def _wire(
             "mapping": tasks.mapping(bus, modules.estimator),
             "planning": tasks.planning(rig, bus, modules, config, line),
             "control": tasks.control(rig, bus, modules, line, ticker),
-            "health": tasks.health(rig, bus, config, line),
+            "health": tasks.health(bus, watched, Monitor(config, bool(known.passage))),
             "tuning": tasks.tuning(rig, bus, Retuner(config, modules.controller, load), retune),
         }
         if session is not None:
             work["load"] = tasks.load(bus)
             bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
+        supervisor = Supervisor(context, coordinator, modules.guard, modules.navigator.caution)
         try:
             with hangups(retune):
-                return await Supervisor(context, modules.guard).run(
-                    work, rig.autopilot, lambda: coordinator.oversee(mission.run(drone))
-                )
+                return await supervisor.run(work, rig.autopilot, lambda: coordinator.oversee(mission.run(drone)))
         finally:
             if track := mapped(known, modules.estimator.places()):
                 write_map(out / "map.toml", track)
@@ -192,6 +208,11 @@ def _wire(
             await rig.close()
 
     return _Flight(run, lambda: SenderReport(ticker.statistics(), modules.guard.counts).entry())
+
+
+def _log_error(recorder: Recorder, app_log: AppLog) -> str:
+    error = recorder.error or app_log.error
+    return "" if error is None else str(error)
 
 
 def _modules(config: Config) -> dict[str, str]:

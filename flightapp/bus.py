@@ -15,6 +15,7 @@ from flightapp.messages import (
     VehicleState,
 )
 from flightapp.planning.goal import Goal
+from flightapp.safety.faults import Fault
 from flightapp.trajectory import Trajectory
 
 
@@ -36,4 +37,4 @@ class Bus:
         self.phase: Topic[Phase] = Topic("phase")
         self.load: Topic[ProcessLoad] = Topic("load")
         self.event: Topic[Event] = Topic("event")
-        self.fault: Topic[Event] = Topic("fault")
+        self.fault: Topic[Fault] = Topic("fault")

@@ -97,6 +97,8 @@ def fly(
     speed = flown.duration / flown.wall
     console.print(f"{flown.duration:.1f} s flown in {flown.wall:.1f} s ({speed:.1f} × real time)", highlight=False)
     console.print(f"{flown.ending.outcome}: {flown.ending.reason}", highlight=False)
+    if flown.log_error:
+        console.print(f"the log is not complete: {flown.log_error}", style="red", highlight=False)
     console.print(f"report: {plan.out / 'report.html'}", soft_wrap=True)
     raise typer.Exit(1 if why_failed(summary) else 0)
 

@@ -7,6 +7,8 @@ autopilot, the survey of the track and the worker that pays for computation.
 
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass
+from io import RawIOBase
+from pathlib import Path
 from typing import Protocol, TypeVar, runtime_checkable
 
 from flightapp.channel import Topic
@@ -280,6 +282,22 @@ class Worker(Protocol):
         ...
 
 
+class Computer(Protocol):
+    """The computer that the application runs on."""
+
+    def disk_free(self, directory: Path) -> float:
+        """MB that are free where ``directory`` is; NaN where that can't be told."""
+        ...
+
+    def clock_offset(self) -> float:
+        """s by which the wall clock is ahead of the event loop's time."""
+        ...
+
+    def create(self, path: Path) -> RawIOBase:
+        """A new file to write to, unbuffered; raises OSError, also later at each write."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class GroundTruthFeed:
     """Truth for the log, from the simulator or motion capture; no flight code may read it."""
@@ -298,6 +316,7 @@ class Rig(Protocol):
     camera: FrameSource
     tracker: PoseSource
     worker: Worker
+    computer: Computer
     truth: GroundTruthFeed | None
 
     def survey(self, track: Track) -> Track:

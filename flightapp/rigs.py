@@ -8,9 +8,10 @@ from typing import Protocol
 
 from flightapp.autopilot.link import Px4Link
 from flightapp.channel import Reader, Topic
+from flightapp.computer import OwnComputer
 from flightapp.config import Config
 from flightapp.inputs import BadInputError
-from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
+from flightapp.interfaces import Autopilot, Computer, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
@@ -113,6 +114,7 @@ class Px4Rig:
         self.autopilot: Autopilot = link
         self.camera: FrameSource = Blind(config)
         self.worker: Worker = ThreadWorker()
+        self.computer: Computer = OwnComputer()
         self.truth: GroundTruthFeed | None = None
 
     @staticmethod

@@ -26,6 +26,9 @@ from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
 from flightapp.realtime import resident
 from flightapp.retuning import Retuner
+from flightapp.safety.faults import Fault, FaultKind
+from flightapp.safety.monitor import Monitor
+from flightapp.safety.watch import Watch
 from flightapp.sensors.frames import FrameIntake
 from flightapp.timing import Ticker
 from flightapp.track import Track
@@ -35,6 +38,14 @@ LOOK = 0.1
 """s, longest time between looks at the pace of what is flown."""
 MAP_INTERVAL = 0.2
 """s, after which the gate map is told anew though nothing was seen: it grows less certain."""
+
+TRIPPED = {
+    Refusal.TAKEN_OVER: FaultKind.TAKEN_OVER,
+    Refusal.STATE_OLD: FaultKind.POSE_LOST,
+    Refusal.LINK_LOST: FaultKind.LINK_LOST,
+    Refusal.NO_STATUS: FaultKind.LINK_LOST,
+}
+"""The fault behind what the guard refuses; any other is that there is no sound command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +206,7 @@ async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Tick
                 _send(rig, bus, modules, line, stamp)
             except GuardTrippedError as error:
                 line.clear()
-                bus.fault.publish(Event(stamp, "fault", f"no command: {error}"))
+                bus.fault.publish(Fault(stamp, TRIPPED.get(error.cause, FaultKind.NO_COMMAND), str(error)))
             if report := guard.take_report():
                 bus.event.publish(Event(stamp, "guard", report))
     finally:
@@ -255,26 +266,9 @@ async def load(bus: Bus) -> None:
         await asyncio.sleep(1.0)
 
 
-async def health(rig: Rig, bus: Bus, config: Config, line: Line) -> None:
-    """Silence of the autopilot and distance from the line → faults; the guard sees to commands and states."""
+async def health(bus: Bus, watch: Watch, monitor: Monitor) -> None:
+    """Readings of everything → faults; the guard sees to commands and states where there is a line."""
     ticker = Ticker(20.0)
-    linked = True
     while True:
-        stamp = await ticker.tick()
-        status = rig.autopilot.status.latest
-        silent = 0.0 if status is None or not status.armed else stamp - status.stamp
-        if linked and silent > config.link.lost_after:
-            linked = False
-            text = f"link lost: nothing heard of the autopilot for {silent:.2f} s"
-            bus.fault.publish(Event(stamp, "fault", text))
-        elif not linked and silent <= config.link.lost_after:
-            linked = True
-            bus.event.publish(Event(stamp, "fault", "link to the autopilot is back"))
-        state, setpoint = bus.state.latest, bus.setpoint.latest
-        if state is not None and state.doubt and line.latest is not None:
-            bus.fault.publish(Event(stamp, "fault", f"the state is not to be trusted: {state.doubt}"))
-        if line.latest is None or state is None or setpoint is None or stamp - setpoint.stamp >= 0.1:
-            continue
-        error = float(abs(setpoint.position - state.position).max())
-        if error > config.safety.tracking_error:
-            bus.fault.publish(Event(stamp, "fault", f"off the line by {error:.2f} m"))
+        for fault in monitor.look(watch.readings(await ticker.tick())):
+            bus.fault.publish(fault)

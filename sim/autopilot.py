@@ -1,6 +1,7 @@
 """The model of PX4 as the application's autopilot, in the same process."""
 
 import asyncio
+import math
 from collections.abc import Callable
 
 from flightapp.autopilot.local_frame import SETTLING, LocalFrame
@@ -17,6 +18,8 @@ STATUS_PERIOD = 0.1
 """s"""
 POSE_PERIOD = 0.02
 """s, least time between the poses that the estimator is given."""
+ANSWER = 2.0
+"""s that a command waits for its answer, asked for again meanwhile, as MAVSDK does."""
 _EARLY = 1e-6
 """s, by which a pose may come early."""
 
@@ -56,6 +59,8 @@ class SimAutopilot:
         self._next_pose = plant.time
         self._frame = LocalFrame(config.external_vision.jump)
         self._connected = False
+        self.silent_until = -math.inf
+        """Until then nothing gets through, either way."""
 
     # The application's side.
 
@@ -71,6 +76,7 @@ class SimAutopilot:
         """Select PX4's takeoff to ``height`` m above the ground, which begins when armed; raises `AutopilotError`."""
         if not height > 0.0:
             raise AutopilotError(f"takeoff refused: the height must be positive, not {height} m")
+        await self._reach("takeoff")
         if self._frame.move():
             await asyncio.sleep(SETTLING)
         self.px4.parameters.set("MIS_TAKEOFF_ALT", float(height))
@@ -78,36 +84,44 @@ class SimAutopilot:
 
     async def arm(self) -> None:
         """Arm; raises `AutopilotError` with PX4's reason."""
+        await self._reach("arming")
         self._done("arming", self.px4.arm())
 
     async def disarm(self) -> None:
         """Disarm on the ground; raises `AutopilotError` with PX4's reason."""
+        await self._reach("disarming")
         self._done("disarming", self.px4.disarm())
 
     async def kill(self) -> None:
         """Stop the motors at once, in the air too."""
+        await self._reach("kill")
         self._done("kill", self.px4.kill())
 
     async def hold(self) -> None:
         """Brake and stay; raises `AutopilotError` in flight without a global position."""
+        await self._reach("hold")
         self._done("hold", self.px4.set_mode(NavState.AUTO_LOITER))
 
     async def land(self) -> None:
         """Descend, and disarm on the ground; raises `AutopilotError` without a local position."""
+        await self._reach("land")
         self._done("land", self.px4.set_mode(NavState.AUTO_LAND))
 
     async def start_offboard(self) -> None:
         """Follow `send`; raises `AutopilotError` unless a command came within COM_OF_LOSS_T."""
+        await self._reach("offboard")
         self._done("offboard", self.px4.set_mode(NavState.OFFBOARD))
 
     def send(self, command: RateCommand) -> None:
         """Take one command; it acts after the link's delay, while armed and in offboard mode."""
+        if self._silent:
+            return
         self.px4.attitude_target(command.rates.tolist(), self._thrust.throttle(float(command.thrust)))
         self._tell_changes()
 
     def send_pose(self, sample: PoseSample) -> None:
         """Give the estimator ``sample``, unless it had one just before."""
-        if sample.stamp < self._next_pose - _EARLY:
+        if self._silent or sample.stamp < self._next_pose - _EARLY:
             return
         self._next_pose = sample.stamp + POSE_PERIOD
         place = self._frame.take(sample)
@@ -127,10 +141,26 @@ class SimAutopilot:
         if until >= self._next_status - 1e-9:
             self._publish()
 
+    def feel(self, sample: ImuSample) -> None:
+        """Pass on what the inertial sensors measure."""
+        if not self._silent:
+            self.imu.publish(sample)
+
     def crash(self) -> None:
         """Cut the motors for good."""
         self.px4.crash()
         self._tell_changes()
+
+    @property
+    def _silent(self) -> bool:
+        return self._time() < self.silent_until
+
+    async def _reach(self, what: str) -> None:
+        """Wait for the link to get through with a command; raises `AutopilotError` after `ANSWER`."""
+        if self._silent:
+            await asyncio.sleep(min(ANSWER, self.silent_until - self._time()))
+        if self._silent:
+            raise AutopilotError(f"{what}: no answer within {ANSWER:g} s")
 
     def _done(self, what: str, reply: Reply) -> None:
         self._tell_changes()
@@ -140,7 +170,7 @@ class SimAutopilot:
     def _tell_changes(self) -> None:
         # Unless the application flies by this adapter, another end of a link sends the texts.
         texts = self.px4.texts
-        while texts and self._connected:
+        while texts and self._connected and not self._silent:
             self.notices.publish(Event(self._time(), "autopilot", texts.popleft().text))
         if (self.px4.changes, self.px4.ready) != self._published:
             self._publish()
@@ -148,6 +178,8 @@ class SimAutopilot:
     def _publish(self) -> None:
         now, px4 = self._time(), self.px4
         self._next_status = now + STATUS_PERIOD
+        if self._silent:
+            return
         self._published = (px4.changes, px4.ready)
         self._thrust.observe_voltage(px4.voltage, now)
         mode = MODES[px4.nav_state]

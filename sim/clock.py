@@ -2,6 +2,7 @@
 
 import asyncio
 import selectors
+import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -71,6 +72,10 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         """Virtual seconds since the loop was made."""
         return self._selector_clock.now
 
+    def stall(self, seconds: float) -> None:
+        """Let ``seconds`` pass in which nothing has its turn."""
+        self._selector_clock.now += seconds
+
 
 class RealtimeLoop(asyncio.SelectorEventLoop):
     """An ordinary event loop whose time starts at 0 now, or at ``origin`` (s by CLOCK_MONOTONIC)."""
@@ -83,3 +88,7 @@ class RealtimeLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Seconds on the wall since the origin."""
         return super().time() - self._origin
+
+    def stall(self, seconds: float) -> None:
+        """Let ``seconds`` pass in which nothing has its turn."""
+        time.sleep(seconds)

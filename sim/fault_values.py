@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 from flightapp.inputs import BadInputError
+from sim.px4.modes import NavState
 
 Value = float | str | bool | Sequence[str] | None
 
@@ -57,6 +58,23 @@ def pair(value: Value) -> tuple[float, float]:
     if len(parts) != 2:
         raise ValueError(f"give two numbers with a colon between them, not {value!r}")
     return number(parts[0]), number(parts[1])
+
+
+def numbers(value: Value, count: int) -> tuple[float, ...]:
+    """``count`` numbers with colons between them; raises ValueError."""
+    parts = value.split(":") if isinstance(value, str) else ()
+    if len(parts) != count:
+        raise ValueError(f"give {count} numbers with colons between them, not {value!r}")
+    return tuple(number(part) for part in parts)
+
+
+def nav_state(value: Value) -> NavState:
+    """A flight mode by its name or label; raises ValueError."""
+    states = {state.label.upper(): state for state in NavState} | {state.name: state for state in NavState}
+    state = states.get(str(value).upper())
+    if state is None:
+        raise ValueError(f"'{value}' is no flight mode; there are {', '.join(s.label for s in NavState)}")
+    return state
 
 
 def unknown(name: str, known: Iterable[str]) -> BadInputError:

@@ -6,7 +6,7 @@ from struct import Struct
 
 import numpy as np
 
-from flightapp.frames import Vector, quat_from_yaw
+from flightapp.frames import Vector, quat_from_yaw, quat_multiply
 from sim import layout as at
 from sim.dynamics import advance, interpolate
 from sim.vehicles import FOOT_SAG, VehicleParameters
@@ -227,3 +227,21 @@ class Plant:
     def charge(self) -> float:
         """0..1, left in the battery."""
         return self._cells[at.CHARGE]
+
+    @charge.setter
+    def charge(self, share: float) -> None:
+        self._cells[at.CHARGE] = share
+
+    # What somebody does to it.
+
+    def blow(self, wind: Vector) -> None:
+        """From now on there is the ``wind`` (3,) m/s, world, besides mean wind and gusts."""
+        self._constants[at.P_WIND : at.P_WIND + 3] = self.mean_wind + wind
+
+    def tip(self, angle: float) -> None:
+        """Turn it by ``angle`` rad about its x axis, lift it as far as its feet need, and let it go at rest."""
+        S = self._state
+        turned = np.array((math.cos(0.5 * angle), math.sin(0.5 * angle), 0.0, 0.0))
+        S[at.ORIENTATION : at.VELOCITY] = quat_multiply(S[at.ORIENTATION : at.VELOCITY], turned)
+        S[2] += self._constants[at.P_ROTOR_Y] * abs(math.sin(angle))
+        S[at.VELOCITY : at.OMEGA + 3] = 0.0

@@ -16,9 +16,10 @@ import numpy as np
 from flightapp.autopilot.connection import parse_connection
 from flightapp.autopilot.link import Px4Link
 from flightapp.channel import Topic
+from flightapp.computer import OwnComputer
 from flightapp.config import Config
 from flightapp.inputs import BadInputError
-from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
+from flightapp.interfaces import Autopilot, Computer, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Collision, CommandArrivals, Frame, GatePassage, GroundTruth
 from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
@@ -256,6 +257,7 @@ class MavlinkRig:
         self.camera: FrameSource = RemoteCamera(config, self.world)
         self.tracker: PoseSource = self._poses
         self.worker: Worker = ThreadWorker()
+        self.computer: Computer = OwnComputer()
         self.truth: GroundTruthFeed | None = self._truth.feed
 
     @staticmethod

@@ -11,18 +11,21 @@ import numpy as np
 from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
 from flightapp.frames import quat_yaw
-from flightapp.interfaces import Autopilot, FrameSource, GroundTruthFeed, PoseSource, Worker
+from flightapp.interfaces import Autopilot, Computer, FrameSource, GroundTruthFeed, PoseSource, Worker
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
 from flightapp.track import Track
 from flightapp.worker import ThreadWorker
 from sim.clock import RealtimeLoop, VirtualLoop
+from sim.computer import FaultyWorker, SimComputer, hold_up, slow_down
 from sim.corner_camera import CornerCamera
+from sim.faults import SOURCES, Fault, named, read_faults
+from sim.gate_faults import rearranged
 from sim.px4.position_control import PositionController, turn
 from sim.render import PoseAt, Renderer
 from sim.scene import Scene
-from sim.sensor_faults import CameraFaults, Fault, PoseFaults, read_faults, rearranged
+from sim.sensor_faults import CameraFaults, PoseFaults
 from sim.survey import survey
 from sim.t265 import make_tracker
 from sim.world import World
@@ -40,6 +43,7 @@ class SimCamera:
         self._config = config.camera
         self._world = world
         self._faults = CameraFaults(faults, seed)
+        self._failures = failures(faults, "camera")
         self._track = track
         kind = Renderer if config.sim.camera == "rendered" else CornerCamera
         self._camera = kind(Scene.from_track(track), config.camera.model(), config.camera.exposure, seed)
@@ -60,6 +64,7 @@ class SimCamera:
             latency = max(self._config.latency, self._config.exposure) + self._faults.lateness(stamp)
             await asyncio.sleep(max(stamp + latency - loop.time(), 0.0))
             self._world.advance()
+            fail(self._failures, loop.time())
             frame = self._faults.expose(stamp, self._world.pose_at, partial(self.expose, stamp, sequence))
             if frame is not None:
                 yield frame
@@ -96,6 +101,7 @@ class SimTracker:
         self._world = world
         self._tracker = make_tracker(config, seed)
         self._faults = PoseFaults(faults)
+        self._failures = failures(faults, "tracker")
         self._intake = intake
 
     async def poses(self) -> AsyncIterator[PoseSample]:
@@ -108,6 +114,7 @@ class SimTracker:
             # The plant remembers the motion at the stamp, so that nothing need be done before the arrival.
             await asyncio.sleep(max(stamp + self._tracker.next_latency - loop.time(), 0.0))
             self._world.advance()
+            fail(self._failures, loop.time())
             truth = self._world.state_at(stamp)
             self._world.truth.motion.publish(truth)
             self._world.feel(stamp)
@@ -127,13 +134,15 @@ class SimTracker:
 class ModelledWorker:
     """Computes at once and lets the time pass that the configuration says it costs on the target."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, faults: Sequence[Fault] = ()) -> None:
         self._costs = config.compute.model_dump()
+        self._faults = named(faults, "compute_slow")
 
     async def run(self, name: str, function: Callable[[], T]) -> T:
         """``function()``, available after the configured seconds for ``name``."""
         result = function()
-        await asyncio.sleep(self._costs[name])
+        now = asyncio.get_running_loop().time()
+        await asyncio.sleep(self._costs[name] * slow_down(self._faults, now))
         return result
 
     def close(self) -> None:
@@ -150,7 +159,7 @@ class SimRig:
         world_seed, camera_seed, tracker_seed, survey_seed = seeds.spawn(4)
         loop = asyncio.get_running_loop()
         exercise(config, track)
-        self._world = World(config, track, world_seed, loop.time)
+        self._world = World(config, track, world_seed, loop.time, faults)
         for stamp, another in later:
             self._world.rearrange(stamp, another)
         self._survey_seed, self._exact = survey_seed, config.sim.survey == "exact"
@@ -158,7 +167,11 @@ class SimRig:
         self.camera: FrameSource = SimCamera(config, track, number(camera_seed), self._world, faults)
         intake = PoseIntake.of_body(config)
         self.tracker: PoseSource = SimTracker(config, number(tracker_seed), self._world, faults, intake)
-        self.worker: Worker = ModelledWorker(config) if isinstance(loop, VirtualLoop) else ThreadWorker()
+        worker: Worker = ModelledWorker(config, faults) if isinstance(loop, VirtualLoop) else ThreadWorker()
+        self.worker: Worker = FaultyWorker(worker, faults, loop.time)
+        self.computer: Computer = SimComputer(faults, loop.time)
+        if isinstance(loop, VirtualLoop | RealtimeLoop):
+            hold_up(loop, faults)
         self.truth: GroundTruthFeed | None = self._world.truth
 
     @staticmethod
@@ -193,6 +206,17 @@ def exercise(config: Config, track: Track) -> None:
     controller.command(truth.position.copy(), truth.velocity.copy(), truth.orientation.copy(), 0.01)
     controller.command_level(0.0, 0.0, truth.orientation.copy(), 0.01)
     turn(truth.orientation.copy(), truth.orientation.copy())
+
+
+def failures(faults: Sequence[Fault], source: str) -> tuple[Fault, ...]:
+    """The faults by which the driver of ``source`` raises."""
+    return tuple(fault for fault in named(faults, "task_failing") if SOURCES[int(fault.amount[0])] == source)
+
+
+def fail(failures: Sequence[Fault], now: float) -> None:
+    """Raise where that is to happen by ``now``."""
+    if any(fault.acts(now) for fault in failures):
+        raise RuntimeError("the driver fails, as simulated")
 
 
 def number(seed: np.random.SeedSequence) -> int:

@@ -1,153 +1,20 @@
-"""Faults of the sensors and of the gates in a world in the same process, from sim.faults: (s, name, value).
-
-The time is that of the flight's clock, which starts at 0 when the world is made; a sample or an image is affected by
-the time at which it was captured. What lasts, lasts to the end of the flight where no duration is given.
-
-| fault             | value         | what happens                                                                  |
-| ----------------- | ------------- | ----------------------------------------------------------------------------- |
-| pose_silent       | s             | the tracker measures nothing                                                  |
-| pose_jump         | m             | poses for `JUMP_TIME` are off by as much, along their frame's x               |
-| pose_relocalised  | m or m:deg    | the tracker's frame moves (along its x) and turns (about the vehicle)         |
-| pose_frozen       | s             | the tracker tells the same pose again and again, with new stamps              |
-| camera_frozen     | s             | the camera delivers the same image again and again, with new stamps           |
-| camera_black      | s             | its images are black                                                          |
-| camera_slow       | Hz            | images come no more often                                                     |
-| camera_late       | s             | images come later by as much                                                  |
-| sightings_wrong   | share         | of the images are as if taken from another place (`ASIDE`, `TURNED`)          |
-| calibration_wrong | share         | the focal length is believed to be greater by as much; from the start         |
-| gate_missing      | id            | the gate does not stand; from the start                                       |
-| gate_moved        | id:m          | the gate moves to the left of its direction of passage, or right if negative  |
-| gates_swapped     | id:id         | two gates change places                                                       |
-
-What flight code shall do about it:
-
-| fault                       | reaction                                                                               |
-| --------------------------- | -------------------------------------------------------------------------------------- |
-| pose_silent, pose_frozen    | coasts for estimation.coast and flies on where poses are back by then; else it hands   |
-|                             | over to the autopilot, which lands                                                     |
-| pose_jump, pose_relocalised | flies on; nothing else is visible                                                      |
-| camera_frozen, camera_black | flies on through gates that are known; stops before others, or where a gate ought to   |
-|                             | be in sight, searches, and lands when race.search_timeout is over: WRONG_PROGRESS      |
-| camera_slow, camera_late    | flies on                                                                               |
-| sightings_wrong             | flies on: what contradicts the map is not used                                         |
-| calibration_wrong           | flies on, off the gates' centres                                                       |
-| gate_missing                | searches for it, and lands when race.search_timeout is over: WRONG_PROGRESS            |
-| gate_moved                  | says so, learns the new place and flies through there                                  |
-| gates_swapped               | says so as soon as one is seen in the other's place, takes the other to be in its own, |
-|                             | and flies through all in their order                                                   |
-"""
+"""What becomes of a tracker's samples and a camera's images where sim.faults breaks them."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from flightapp.frames import Vector, quat_from_yaw, quat_multiply, quat_rotate
-from flightapp.inputs import BadInputError
 from flightapp.messages import Frame, PoseSample
-from flightapp.track import Track
-from sim.fault_values import Value, number, pair, seconds, share, unknown
+from sim.faults import Fault
 from sim.render import PoseAt
 
-JUMP_TIME = 0.03
-"""s, of a jump that comes back."""
 ASIDE = (0.5, 3.0)
 """m to any side, and up to a quarter of it up or down, of the place from which a wrong image seems to be taken."""
 TURNED = 0.2
 """rad to any side, by which it seems to be turned."""
-LATEST = 0.4
-"""s, greatest additional latency of the camera."""
-
-Amount = tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """One fault from ``begin`` to before ``end`` (s of the flight's clock); ``amount`` is its value."""
-
-    begin: float
-    end: float
-    name: str
-    amount: Amount
-
-    def acts(self, stamp: float) -> bool:
-        """Whether it does so at ``stamp``."""
-        return self.begin <= stamp < self.end
-
-
-def _duration(value: Value) -> Amount:
-    return (seconds(value),)
-
-
-def _one(value: Value) -> Amount:
-    return (number(value),)
-
-
-def _rate(value: Value) -> Amount:
-    if (read := number(value)) <= 0.0:
-        raise ValueError(f"a rate is more than 0 Hz, not {read:g}")
-    return (read,)
-
-
-def _lateness(value: Value) -> Amount:
-    if (read := seconds(value)) > LATEST:
-        raise ValueError(f"at most {LATEST} s, not {read:g}")
-    return (read,)
-
-
-def _relative(value: Value) -> Amount:
-    if abs(read := number(value)) > 0.5:
-        raise ValueError(f"at most 0.5 more or less, not {read:g}")
-    return (read,)
-
-
-def _move_and_turn(value: Value) -> Amount:
-    return pair(value) if isinstance(value, str) and ":" in value else (number(value), 0.0)
-
-
-SENSOR_FAULTS: Mapping[str, Callable[[Value], Amount]] = MappingProxyType(
-    {
-        "pose_silent": _duration,
-        "pose_jump": _one,
-        "pose_relocalised": _move_and_turn,
-        "pose_frozen": _duration,
-        "camera_frozen": _duration,
-        "camera_black": _duration,
-        "camera_slow": _rate,
-        "camera_late": _lateness,
-        "sightings_wrong": lambda value: (share(value),),
-        "calibration_wrong": _relative,
-        "gate_missing": _one,
-        "gate_moved": pair,
-        "gates_swapped": pair,
-    }
-)
-"""All faults that there are, by name, with what reads their values."""
-LASTING = {"pose_silent", "pose_frozen", "camera_frozen", "camera_black"}
-"""Faults whose value is their duration."""
-FROM_START = {"calibration_wrong", "gate_missing"}
-"""Faults that are there from the start or not at all."""
-
-
-def read_faults(entries: Sequence[tuple[float, str, float | str]]) -> tuple[Fault, ...]:
-    """The faults that sim.faults tells, in the order of their times; raises `BadInputError`."""
-    return tuple(sorted((_read(*entry) for entry in entries), key=lambda fault: fault.begin))
-
-
-def _read(begin: float, name: str, value: float | str) -> Fault:
-    if name not in SENSOR_FAULTS:
-        other = "faults of the link and of the vehicle behind it need --sim --mavlink"
-        raise BadInputError(f"{unknown(name, SENSOR_FAULTS)}; {other}")
-    try:
-        amount = SENSOR_FAULTS[name](value)
-    except ValueError as error:
-        raise BadInputError(f"fault '{name}': {error}") from None
-    if name in FROM_START and begin > 0.0:
-        raise BadInputError(f"fault '{name}' is there from the start: its time must be 0, not {begin:g}")
-    duration = amount[0] if name in LASTING else JUMP_TIME if name == "pose_jump" else math.inf
-    return Fault(begin, begin + duration, name, amount)
 
 
 class PoseFaults:
@@ -166,6 +33,8 @@ class PoseFaults:
                 sample = self._relocalised(fault, sample)
             elif fault.name == "pose_jump":
                 sample = replace(sample, position=sample.position + np.array((fault.amount[0], 0.0, 0.0)))
+            elif fault.name == "pose_slipping":
+                sample = replace(sample, velocity=sample.velocity + np.array((fault.amount[0], 0.0, 0.0)))
             elif fault.name == "pose_frozen" and self._last is not None:
                 sample = replace(self._last, stamp=sample.stamp)
         self._last = sample
@@ -234,40 +103,3 @@ class CameraFaults:
 
 CAMERA = {"camera_frozen", "camera_black", "camera_slow", "camera_late", "sightings_wrong"}
 """Faults of which `CameraFaults` asks when an image is taken."""
-
-
-def rearranged(track: Track, faults: Sequence[Fault]) -> tuple[tuple[float, Track], ...]:
-    """How the gates of ``track`` really stand from which time on, the first at the start.
-
-    Raises `BadInputError` for a gate that the track does not have.
-    """
-    now, later = track, []
-    for fault in faults:
-        if fault.name not in ("gate_missing", "gate_moved", "gates_swapped"):
-            continue
-        now = _rearranged(now, fault)
-        if fault.begin <= 0.0:
-            track = now
-        else:
-            later.append((fault.begin, now))
-    return (0.0, track), *later
-
-
-def _rearranged(track: Track, fault: Fault) -> Track:
-    gates = {gate.id: gate for gate in track.gates}
-    named = fault.amount if fault.name == "gates_swapped" else fault.amount[:1]
-    for gate_id in named:
-        if gate_id not in gates:
-            raise BadInputError(f"fault '{fault.name}': the track has no gate {gate_id:g}")
-    first = gates[int(named[0])]
-    if fault.name == "gate_missing":
-        del gates[first.id]
-    elif fault.name == "gate_moved":
-        (x, y, z), way = first.position, fault.amount[1]
-        place = (x - way * math.sin(first.yaw), y + way * math.cos(first.yaw), z)
-        gates[first.id] = first.model_copy(update={"position": place})
-    else:
-        second = gates[int(named[1])]
-        for gate, other in ((first, second), (second, first)):
-            gates[gate.id] = gate.model_copy(update={"position": other.position, "yaw_deg": other.yaw_deg})
-    return track.model_copy(update={"gates": tuple(gates.values())})

@@ -1,6 +1,6 @@
 """The simulated world: one vehicle among gates, judged on its true motion."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -11,17 +11,26 @@ from flightapp.interfaces import GroundTruthFeed
 from flightapp.messages import Collision, GatePassage, GroundTruth
 from flightapp.track import Track
 from sim.autopilot import SimAutopilot
+from sim.faults import Fault
 from sim.imu import Imu
 from sim.mismatch import mismatched
 from sim.plant import Plant
-from sim.referee import Referee
+from sim.referee import GROUND, Referee
 from sim.survey import true_gates
+from sim.vehicle_faults import VehicleFaults
 
 
 class World:
     """Physics, autopilot and referee, advanced together to whatever time it has become."""
 
-    def __init__(self, config: Config, track: Track, seed: np.random.SeedSequence, time: Callable[[], float]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        track: Track,
+        seed: np.random.SeedSequence,
+        time: Callable[[], float],
+        faults: Sequence[Fault] = (),
+    ) -> None:
         plant_seed, autopilot_seed, imu_seed, mismatch_seed = (int(s.generate_state(1)[0]) for s in seed.spawn(4))
         vehicle = mismatched(config.sim, mismatch_seed)
         self.plant = Plant(
@@ -36,6 +45,7 @@ class World:
         )
         self.autopilot = SimAutopilot(config, self.plant, autopilot_seed, time)
         self.px4 = self.autopilot.px4
+        self._faults = VehicleFaults(faults, self.autopilot)
         self._imu = Imu(imu_seed)
         self.referee = Referee(track, vehicle.radius, config.mission.laps)
         self.truth = GroundTruthFeed(
@@ -60,6 +70,7 @@ class World:
         now = self._time()
         if now - self.plant.time < 1e-9:
             return
+        self._faults.run(now)
         self.autopilot.advance(now)
         for verdict in self.referee.observe(self.plant.trace):
             self._announce(verdict)
@@ -81,11 +92,12 @@ class World:
     def feel(self, stamp: float) -> None:
         """Have the autopilot pass on what its inertial sensors measure at a recent ``stamp``."""
         row = self.plant.state_at(stamp)
-        self.autopilot.imu.publish(self._imu.sample(stamp, row[14:17], row[11:14]))
+        self.autopilot.feel(self._imu.sample(stamp, row[14:17], row[11:14]))
 
     def _announce(self, verdict: GatePassage | Collision) -> None:
         if isinstance(verdict, GatePassage):
             self.truth.passages.publish(verdict)
         else:
             self.truth.collisions.publish(verdict)
-            self.autopilot.crash()
+            if not (self._faults.tipped and verdict.obstacle == GROUND):
+                self.autopilot.crash()

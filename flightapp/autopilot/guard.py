@@ -39,11 +39,15 @@ class Refusal(StrEnum):
 
 
 class GuardTrippedError(Exception):
-    """A command cannot be made safe; `refusal` says why, the text in more detail."""
+    """A command cannot be made safe; `refusal` says why, the text in more detail.
 
-    def __init__(self, refusal: Refusal, detail: str) -> None:
+    `cause` is what was wrong in the first place, where that was for too long.
+    """
+
+    def __init__(self, refusal: Refusal, detail: str, cause: Refusal | None = None) -> None:
         super().__init__(f"{refusal}: {detail}")
         self.refusal = refusal
+        self.cause = refusal if cause is None else cause
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +197,7 @@ class CommandGuard:
         if self._patience.refused(now, str(error)):
             self._patience.forget()
             self._handed_over = str(error)
-            raise GuardTrippedError(Refusal.HANDED_OVER, self._handed_over)
+            raise GuardTrippedError(Refusal.HANDED_OVER, self._handed_over, error.refusal)
         if status is None or status.mode is not _OFFBOARD or not status.armed or status.landed:
             return None
         if not status.stamp >= self._heard_from:

@@ -17,6 +17,7 @@ from flightapp.planning.course import is_known
 from flightapp.planning.goal import Goal
 from flightapp.planning.passage import crossing, in_gate
 from flightapp.planning.search import way_round
+from flightapp.safety.faults import Fault, FaultKind
 
 MISS = 2.0
 """Openings from a gate's centre within which a crossing of its plane counts as a miss, not as passing by."""
@@ -153,6 +154,7 @@ class Race(Flying[RaceParameters]):
     async def _again(self, gate: GateEstimate, why: str) -> Result | bool:
         """Fly round to the front of ``gate``, to fly at it once more; how the race ends after the last attempt."""
         context = self.context
+        context.bus.fault.publish(Fault(context.now(), FaultKind.GATE_MISSED, why))
         if self._attempts >= context.config.race.attempts:
             return Result(Outcome.WRONG_PROGRESS, why)
         self._attempts += 1
@@ -161,6 +163,7 @@ class Race(Flying[RaceParameters]):
         position = gate.position if state is None else state.position
         way = way_round(position, gate, context.track.gate, RUN_UP, room(context))
         await fly_to(context, way, context.limits, lambda: False)
+        context.bus.fault.publish(Fault(context.now(), FaultKind.GATE_MISSED, why, over=True))
         self._resume()
         return True
 
@@ -170,15 +173,19 @@ class Race(Flying[RaceParameters]):
         left = allowed - self._searched
         ahead = self.context.line.motion(begun).yaw if self._ahead is None else self._ahead
         if left <= 0.0:
-            return Result(Outcome.WRONG_PROGRESS, f"gate {gate_id} was not found within {allowed:g} s")
+            return self._not_found(f"gate {gate_id} was not found within {allowed:g} s")
         self._tell(f"gate {gate_id} is searched for")
         result = await Search(self.context, gate_id=gate_id, ahead=ahead, seconds=left).run()
         self._searched += self.context.now() - begun
         if not result.achieved:
-            return result
+            return self._not_found(result.reason)
         self._tell(result.reason)
         self._resume()
         return True
+
+    def _not_found(self, why: str) -> Result:
+        self.context.bus.fault.publish(Fault(self.context.now(), FaultKind.GATE_NOT_FOUND, why))
+        return Result(Outcome.WRONG_PROGRESS, why)
 
     def _resume(self) -> None:
         """Go on with the race from wherever the vehicle is now."""

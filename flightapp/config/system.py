@@ -82,5 +82,5 @@ class Simulation(Section):
     )
     faults: tuple[tuple[Finite, str, Finite | str], ...] = Field(
         (),
-        description="(s of the flight's clock, fault, value): sim/sensor_faults.py; over MAVLink sim/mavlink/faults.py",
+        description="(s of the flight's clock, fault, value): sim/faults.py; over MAVLink sim/mavlink/faults.py",
     )

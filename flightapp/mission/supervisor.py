@@ -11,11 +11,16 @@ from typing import Any
 
 from flightapp.autopilot.guard import SETTLE, CommandGuard
 from flightapp.behaviors.base import Context
+from flightapp.behaviors.coordinator import Coordinator
 from flightapp.channel import Reader
 from flightapp.interfaces import Autopilot, AutopilotError
 from flightapp.messages import AutopilotStatus, Event, FlightMode, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
 from flightapp.mission.loader import MissionError
+from flightapp.planning.caution import Caution
+from flightapp.safety.faults import Fault, FaultKind, Reaction, Stage
+from flightapp.safety.present import PresentFaults
+from flightapp.safety.table import TABLE, reaction_to
 
 ASK_AGAIN = 1.0
 """s without news of the autopilot until the landing is asked for again."""
@@ -38,11 +43,19 @@ class Ending:
 
 
 class Supervisor:
-    """One flight: its tasks, its mission, and the landing that every failure leads to."""
+    """One flight: its tasks, its mission, and what is done about every fault, as `safety.table` says."""
 
-    def __init__(self, context: Context, guard: CommandGuard) -> None:
-        self._context = context
+    def __init__(self, context: Context, coordinator: Coordinator, guard: CommandGuard, caution: Caution) -> None:
+        self._context, self._coordinator = context, coordinator
         self._guard = guard
+        self._caution = caution
+        self._faults = PresentFaults()
+        self._decided: asyncio.Future[Fault] = asyncio.get_running_loop().create_future()
+        self._holding: asyncio.TimerHandle | None = None
+        self._suspended = False
+        context.bus.fault.tap(self._hear)
+        context.bus.phase.tap(lambda _: self._respond())
+        context.bus.goal.tap(lambda goal: goal is not None and self._respond())
 
     async def run(
         self,
@@ -73,7 +86,54 @@ class Supervisor:
         if not task.cancelled() and (error := task.exception()) is not None:
             place = traceback.extract_tb(error.__traceback__)[-1]
             text = f"task {task.get_name()} failed at {place.name}:{place.lineno}: {type(error).__name__}: {error}"
-            self._context.bus.fault.publish(Event(self._context.now(), "fault", text))
+            self._context.bus.fault.publish(Fault(self._context.now(), FaultKind.TASK_FAILED, text))
+
+    # Faults and reactions.
+
+    @property
+    def _stage(self) -> Stage:
+        return Stage.of(self._context.machine.phase)
+
+    def _hear(self, fault: Fault) -> None:
+        """Log ``fault``, which has begun or is over, and do what the table says."""
+        if self._faults.take(fault):
+            self._event(str(fault) if fault.over else f"{fault}; {reaction_to(fault.kind, self._stage)}")
+            self._respond()
+
+    def _respond(self) -> None:
+        """Do what the gravest present fault calls for, here and now."""
+        if self._decided.done():
+            return
+        reaction, fault = self._faults.gravest(self._stage)
+        self._caution.held = str(fault) if reaction is Reaction.SLOW else ""
+        if fault is not None and reaction is Reaction.HOLD:
+            self._hold(fault)
+        else:
+            self._release()
+        if fault is not None and reaction.final:
+            self._decide(fault)
+
+    def _hold(self, fault: Fault) -> None:
+        """Stop along the line and wait, but not for ever."""
+        if not (self._suspended or TABLE[fault.kind].stands):
+            self._suspended = self._coordinator.suspend(str(fault))
+        if self._holding is None:
+            patience = self._context.config.safety.hold_time
+            self._holding = asyncio.get_running_loop().call_later(patience, self._decide, fault)
+
+    def _release(self) -> None:
+        """Go on, where `_hold` had it stop."""
+        if self._holding is not None:
+            self._holding.cancel()
+            self._holding = None
+        if self._suspended:
+            self._suspended = False
+            self._coordinator.resume("the fault is over")
+
+    def _decide(self, fault: Fault) -> None:
+        """End the mission because of ``fault``."""
+        if not self._decided.done():
+            self._decided.set_result(fault)
 
     async def _mission(
         self, autopilot: Autopilot, mission: Callable[[], Awaitable[None]], interrupted: "asyncio.Future[str]"
@@ -83,19 +143,21 @@ class Supervisor:
             await mission()
 
         flying = asyncio.create_task(fly(), name="mission")
-        fault = asyncio.create_task(self._context.bus.fault.next(), name="fault")
         try:
-            waited: set[asyncio.Future[Any]] = {flying, fault, interrupted}
+            waited: set[asyncio.Future[Any]] = {flying, self._decided, interrupted}
             await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)
             if flying.done():
                 return _ending(flying)
-            if fault.done():
-                return Ending(Outcome.PROCESS_FAILURE, fault.result().text)
+            if self._decided.done():
+                return Ending(Outcome.PROCESS_FAILURE, str(self._decided.result()))
             return Ending(Outcome.INTERRUPTED, interrupted.result())
         finally:
-            for task in (flying, fault):
-                task.cancel()
-            await asyncio.gather(flying, fault, return_exceptions=True)
+            # What ends from here on ends on the ground: nothing else is decided any more.
+            self._decided.cancel()
+            flying.cancel()
+            await asyncio.gather(flying, return_exceptions=True)
+
+    # The end in flight.
 
     async def _abort(self, cause: str) -> None:
         """Have the autopilot land, or leave it to whoever has taken over; end with the flight, not before."""
@@ -105,43 +167,49 @@ class Supervisor:
         patience = context.config.mission.land_timeout
         try:
             async with asyncio.timeout(patience):
-                if not self._guard.taken_over:
-                    await self._land(context.autopilot)
-                elif not _down(context.autopilot.status.latest):
-                    self._event("the vehicle was taken over: nothing is asked of the autopilot until it has disarmed")
-                await self._wait_for_the_end(context.autopilot)
+                await self._see_down(context.autopilot)
             await asyncio.sleep(LAST_WORDS)
         except TimeoutError:
             self._event(f"landing not confirmed: not disarmed within {patience:g} s")
         except Exception as error:  # the autopilot's own failsafe is what is left
             self._event(f"landing not confirmed: {type(error).__name__}: {error}")
 
-    async def _wait_for_the_end(self, autopilot: Autopilot) -> None:
+    async def _see_down(self, autopilot: Autopilot) -> None:
         """Until the motors are off; the flight is recorded meanwhile."""
-        status = Reader(autopilot.status)
+        status, left, landing = Reader(autopilot.status), False, False
+        await self._hear_news(autopilot)
         while not _down(autopilot.status.latest):
-            await status.newest()
-
-    async def _land(self, autopilot: Autopilot) -> None:
-        """Ask for the landing, again while nobody answers, until the motors are off or a pilot flies."""
-        await self._hear(autopilot)
-        status, asked = Reader(autopilot.status), False
-        while not _down(latest := autopilot.status.latest):
-            if latest is not None and latest.mode in PILOTED:
-                self._event(f"a pilot flies: mode {latest.mode}")
-                return
-            # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
-            if not asked:
-                try:
-                    await autopilot.land()
-                    asked = True
-                except AutopilotError as error:
-                    self._event(str(error))
+            if why := self._hands_off():
+                if not left:
+                    self._event(f"{why}: nothing is asked of the autopilot until it has disarmed")
+                left = True
+            elif self._faults.gravest(Stage.LANDING)[0] is Reaction.KILL:
+                await self._ask(autopilot.kill)
+            elif not landing:
+                # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
+                landing = await self._ask(autopilot.land)
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(ASK_AGAIN):
                     await status.newest()
 
-    async def _hear(self, autopilot: Autopilot) -> None:
+    def _hands_off(self) -> str:
+        """Why nothing may be asked of the autopilot; empty where it may."""
+        latest = self._context.autopilot.status.latest
+        if latest is not None and latest.mode in PILOTED:
+            return f"a pilot flies: mode {latest.mode}"
+        taken = self._guard.taken_over or self._faults.gravest(Stage.LANDING)[0] is Reaction.HAND_BACK
+        return "the vehicle was taken over" if taken else ""
+
+    async def _ask(self, what: Callable[[], Awaitable[None]]) -> bool:
+        """Whether the autopilot does it; what it answers otherwise is logged."""
+        try:
+            await what()
+        except AutopilotError as error:
+            self._event(str(error))
+            return False
+        return True
+
+    async def _hear_news(self, autopilot: Autopilot) -> None:
         """Wait for what the autopilot says from now on, and not for what has been waiting for us."""
         begun, status = self._context.now(), Reader(autopilot.status)
         with contextlib.suppress(TimeoutError):

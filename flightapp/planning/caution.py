@@ -28,6 +28,8 @@ class Caution:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._faster_since = math.inf
+        self.held = ""
+        """Why the pace is kept at its least, whatever else there is; empty where it isn't."""
 
     def wanted(
         self,
@@ -45,6 +47,8 @@ class Caution:
         flown, full = flying.flown, self._config.planning.thrust_share * self._config.vehicle.thrust_max
         left = full * self._left(voltage)
         reasons = [(self._within(flying, stamp, left), f"the battery gives {voltage:.1f} V")]
+        if self.held:
+            reasons.append((0.0, self.held))
         if push > CALM:
             reasons.append((self._within(flying, stamp, left - push), f"the wind takes {push:.1f} m/s²"))
         by_id = {gate.gate_id: gate for gate in gates}

@@ -61,9 +61,7 @@ class Geofence:
 
         One that starts outside may lead back in, by way of `OVERSHOOT` further out at the most, and has to end within.
         """
-        time, distance = _first_exit(
-            trajectory.knots, trajectory.coefficients, self.corners, self.floor, self.ceiling
-        )
+        time, distance = _first_exit(trajectory.knots, trajectory.coefficients, self.corners, self.floor, self.ceiling)
         if time < 0.0:
             return None
         return Exit(time, distance, trajectory.sample(time).position)
@@ -118,8 +116,8 @@ def _wall(corners: Vector, x: float, y: float) -> tuple[float, float, float]:
 def _outside(corners: Vector, floor: float, ceiling: float, p: Vector) -> float:
     aside, upright = -_wall(corners, p[0], p[1])[0], max(floor - p[2], p[2] - ceiling)
     if aside <= 0.0 or upright <= 0.0:
-        return max(aside, upright)
-    return math.hypot(aside, upright)
+        return float(max(aside, upright))
+    return float(math.hypot(aside, upright))
 
 
 @kernel

@@ -107,7 +107,7 @@ class Navigator:
         self._planned = request.gates
         self._end = request.end
         self._behind = self._asked_behind
-        self._cap = 1.0 if choice.pace.after >= self._rate else choice.pace.after
+        self._cap = 1.0 if choice.pace.after >= self.rate else choice.pace.after
         self.pacer.took(choice)
 
     def took(self, elapsed: float) -> None:
@@ -123,7 +123,7 @@ class Navigator:
     @property
     def rate(self) -> float:
         """The pace wanted of new plans."""
-        return self._rate
+        return min(self._rate, self._config.planning.pace_min) if self.caution.held else self._rate
 
     def repace(
         self,

@@ -40,6 +40,11 @@ class Recorder:
         if self._thread is not None:
             self._thread.start()
 
+    @property
+    def error(self) -> OSError | None:
+        """Why writing stopped, if it did; what comes then is lost, and nothing else happens."""
+        return self._log.error
+
     def tap(self, topic: Topic[T], name: str | None = None, *, every: int = 1) -> None:
         """Record one in ``every`` messages of ``topic`` from now on, as ``name`` (the topic's own, if None)."""
         take = self._put if self._thread is not None else self._write

@@ -6,6 +6,7 @@ process loses at most that. The same messages give the same bytes.
 
 import os
 from collections.abc import Callable, Mapping
+from io import RawIOBase
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -40,8 +41,8 @@ class _Route(NamedTuple):
 class _File:
     """What the MCAP writer writes into: unbuffered, and deaf after the first error, which it keeps."""
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("xb", buffering=0)
+    def __init__(self, file: RawIOBase) -> None:
+        self._file = file
         self.error: OSError | None = None
 
     def write(self, data: bytes | bytearray) -> int:
@@ -75,13 +76,22 @@ class FlightLog:
 
     ``header`` holds what is known before the flight: "mission", "seed", "track" (JSON), "config" (TOML), and
     whatever else the caller wants to keep. ``opening`` is the side of the gates' openings in metres, for the
-    3-D view. ``durable`` waits at every flush until the disk has the data, so that a loss of power costs no
-    more than a crash; it belongs in a thread of its own. Raises OSError if the file exists or cannot be made.
+    3-D view. ``create`` makes the file, if another than an ordinary one is wanted. ``durable`` waits at every flush
+    until the disk has the data, so that a loss of power costs no more than a crash; it belongs in a thread of its own.
+    Raises OSError if the file exists or cannot be made.
     A disk that fails in flight does not raise; `error` tells, and `close` raises it.
     """
 
-    def __init__(self, path: Path, *, header: Mapping[str, str], opening: float = 1.4, durable: bool = False) -> None:
-        self._file = _File(path)
+    def __init__(
+        self,
+        path: Path,
+        *,
+        header: Mapping[str, str],
+        opening: float = 1.4,
+        durable: bool = False,
+        create: Callable[[Path], RawIOBase] | None = None,
+    ) -> None:
+        self._file = _File(path.open("xb", buffering=0) if create is None else create(path))
         self._durable = durable
         self._context = Context()
         options = MCAPWriteOptions(

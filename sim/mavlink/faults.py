@@ -7,10 +7,9 @@ from itertools import count
 from random import Random
 
 from flightapp.inputs import BadInputError
-from sim.fault_values import Value, names, seconds, share, switch, unknown
+from sim.fault_values import Value, names, nav_state, seconds, share, switch, unknown
+from sim.faults import KINDS
 from sim.px4.model import Px4
-from sim.px4.modes import NavState
-from sim.sensor_faults import SENSOR_FAULTS
 
 
 class Faults:
@@ -93,8 +92,8 @@ class Faults:
     def _prepare(self, name: str, value: Value) -> Callable[[], object]:
         kind = self._kinds.get(name)
         if kind is None:
-            if name in SENSOR_FAULTS:
-                raise BadInputError(f"fault '{name}' is of sensors or gates in the same process; fly without --mavlink")
+            if name in KINDS:
+                raise BadInputError(f"fault '{name}' is of a world in the same process; fly without --mavlink")
             raise unknown(name, self._kinds)
         try:
             return kind(value)
@@ -117,10 +116,7 @@ class Faults:
         return begin
 
     def _pilot(self, value: Value) -> Callable[[], object]:
-        states = {state.label.upper(): state for state in NavState} | {state.name: state for state in NavState}
-        state = states.get(str(value).upper())
-        if state is None:
-            raise ValueError(f"'{value}' is no flight mode; there are {', '.join(s.label for s in NavState)}")
+        state = nav_state(value)
         return lambda: self._px4.pilot(state)
 
     def _refuse(self, value: Value) -> Callable[[], object]:

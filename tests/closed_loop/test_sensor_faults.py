@@ -1,4 +1,4 @@
-"""Faults of the sensors and of the gates in flight: each has the reaction that `sim.sensor_faults` states.
+"""Faults of the sensors and of the gates in flight: each has the reaction that `sim.faults` states.
 
 The first three of the five gates are flown at 4 m/s in virtual time: the first is passed after 7 s, the second after
 9 s, the third after 11 s. Each flight is judged by the world's truth.

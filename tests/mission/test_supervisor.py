@@ -10,23 +10,26 @@ from fakes import FakeAutopilot, make_context, stream_states, virtually
 
 from flightapp.behaviors.coordinator import Coordinator
 from flightapp.interfaces import AutopilotError
-from flightapp.messages import Event, FlightMode, Outcome, Phase
+from flightapp.messages import FlightMode, Outcome, Phase
 from flightapp.mission.drone import Drone
 from flightapp.mission.supervisor import Supervisor
+from flightapp.planning.caution import Caution
+from flightapp.safety.faults import Fault, FaultKind
 
 
-def fly(mission, autopilot=None, work=None, taken_over=False, during=None):
+def fly(mission, autopilot=None, work=None, taken_over=False, during=None, caution=None):
     """The ending of ``mission``, its context and its autopilot; ``during(context)`` runs beside it."""
     autopilot = autopilot or FakeAutopilot()
     context = make_context(autopilot)
 
     async def main():
-        drone = Drone(context, Coordinator(context), {})
+        coordinator = Coordinator(context)
+        drone = Drone(context, coordinator, {})
         tasks = {"states": stream_states(context), **(work(context) if work else {})}
         beside = asyncio.create_task(during(context)) if during else None
-        ending = await Supervisor(context, SimpleNamespace(taken_over=taken_over)).run(
-            tasks, autopilot, lambda: mission(drone)
-        )
+        guard = SimpleNamespace(taken_over=taken_over)
+        supervisor = Supervisor(context, coordinator, guard, caution or Caution(context.config))
+        ending = await supervisor.run(tasks, autopilot, lambda: mission(drone))
         if beside is not None:
             beside.cancel()
         return ending
@@ -83,11 +86,11 @@ def test_a_behavior_that_fails_lands():
 def test_a_fault_in_flight_lands():
     async def fault(context):
         await asyncio.sleep(4.0)
-        context.bus.fault.publish(Event(context.now(), "fault", "state lost"))
+        context.bus.fault.publish(Fault(context.now(), FaultKind.POSE_LOST, "for long"))
 
     ending, context, autopilot = fly(up_and_down, during=fault)
     assert ending.outcome is Outcome.PROCESS_FAILURE
-    assert ending.reason == "state lost"
+    assert ending.reason == "pose lost: for long"
     assert context.machine.phase is Phase.ABORTED
     assert not autopilot.status.latest.armed
 
@@ -124,7 +127,7 @@ def test_a_signal_lands_and_a_second_one_changes_nothing(number):
 def test_after_a_pilot_took_over_nothing_is_asked_of_the_autopilot():
     async def fault(context):
         await asyncio.sleep(4.0)
-        context.bus.fault.publish(Event(context.now(), "fault", "pilot"))
+        context.bus.fault.publish(Fault(context.now(), FaultKind.TAKEN_OVER, "pilot"))
 
     events = []
 
@@ -144,7 +147,7 @@ def test_after_a_pilot_took_over_nothing_is_asked_of_the_autopilot():
 def test_after_a_pilot_took_over_the_flight_ends_when_he_has_landed():
     async def fault(context):
         await asyncio.sleep(4.0)
-        context.bus.fault.publish(Event(context.now(), "fault", "pilot"))
+        context.bus.fault.publish(Fault(context.now(), FaultKind.TAKEN_OVER, "pilot"))
         await asyncio.sleep(3.0)
         context.autopilot._set(mode=FlightMode.POSITION, armed=False)
         ended.append(context.now())
@@ -152,21 +155,21 @@ def test_after_a_pilot_took_over_the_flight_ends_when_he_has_landed():
     ended = []
     ending, _, autopilot = fly(up_and_down, taken_over=True, during=fault)
     assert ended, "not before"
-    assert (ending.outcome, ending.reason) == (Outcome.PROCESS_FAILURE, "pilot")
+    assert (ending.outcome, ending.reason) == (Outcome.PROCESS_FAILURE, "pilot takeover: pilot")
     assert "land" not in autopilot.calls
 
 
 def test_a_pilot_who_took_over_unheard_is_heard_before_a_landing_is_asked_for():
     async def fault(context):
         await asyncio.sleep(4.0)
-        context.bus.fault.publish(Event(context.now(), "fault", "the sender stalled"))
+        context.bus.fault.publish(Fault(context.now(), FaultKind.NO_COMMAND, "the sender stalled"))
         await asyncio.sleep(0.1)
         context.autopilot._set(mode=FlightMode.POSITION, stamp=context.now())
         await asyncio.sleep(3.0)
         context.autopilot._set(armed=False, stamp=context.now())
 
     ending, _, autopilot = fly(up_and_down, during=fault)
-    assert ending.reason == "the sender stalled"
+    assert ending.reason == "no command: the sender stalled"
     assert "land" not in autopilot.calls
 
 
@@ -186,10 +189,10 @@ def test_who_interrupts_the_arming_lands_what_has_armed(refuse):
     async def fault(context):
         await asyncio.sleep(0.3)
         assert context.autopilot.calls[-1] == "arm"
-        context.bus.fault.publish(Event(context.now(), "fault", "state lost"))
+        context.bus.fault.publish(Fault(context.now(), FaultKind.POSE_LOST, "for long"))
 
     ending, _, autopilot = fly(up_and_down, SlowToArm(refuse), during=fault)
-    assert ending.reason == "state lost"
+    assert ending.reason == "pose lost: for long"
     assert autopilot.calls[-1] == ("arm" if refuse else "land")
     assert not autopilot.status.latest.armed
 
@@ -205,7 +208,7 @@ def test_a_link_that_is_never_found_ends_the_flight_on_the_ground():
 def test_an_autopilot_that_does_not_land_is_reported():
     async def fault(context):
         await asyncio.sleep(4.0)
-        context.bus.fault.publish(Event(context.now(), "fault", "state lost"))
+        context.bus.fault.publish(Fault(context.now(), FaultKind.POSE_LOST, "for long"))
 
     events = []
 

@@ -111,7 +111,7 @@ def test_the_answer_to_a_request_never_leads_out():
     answerer = Answerer(config, PolynomialPlanner(config), Pacer(config))
     end = np.array((0.0, 9.0, 1.5))
     goal = Goal(end, LIMITS, waypoints=end[None])
-    with pytest.raises(PlanningError, match="leaves the geofence at .* by 5.00 m"):
+    with pytest.raises(PlanningError, match=r"leaves the geofence at .* by 5.00 m"):
         answerer.answer(goal, PlanRequest(0.0, rest, (), end, LIMITS), (), 1.0, False)
 
 

@@ -10,9 +10,11 @@ from flightapp.inputs import BadInputError
 from flightapp.messages import Frame, GroundTruth, MarkerDetection, PoseSample
 from flightapp.track import Gate, GateShape, Start, Track
 from sim.clock import VirtualLoop
+from sim.faults import read_faults
+from sim.gate_faults import rearranged
 from sim.mavlink.faults import Faults
 from sim.rig import SimRig
-from sim.sensor_faults import ASIDE, CameraFaults, PoseFaults, read_faults, rearranged
+from sim.sensor_faults import ASIDE, CameraFaults, PoseFaults
 from sim.world import World
 
 TRACK = Track(

@@ -1,0 +1,1 @@
+"""What can go wrong, how it is noticed, and what is done then."""

@@ -1,0 +1,45 @@
+"""What is done to the vehicle and to its autopilot where sim.faults says so."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.autopilot import SimAutopilot
+from sim.faults import Fault, named
+from sim.px4.modes import NavState
+
+
+class VehicleFaults:
+    """Lets faults of the vehicle begin and end as time goes on."""
+
+    def __init__(self, faults: Sequence[Fault], autopilot: SimAutopilot) -> None:
+        self._autopilot = autopilot
+        self._waiting = list(named(faults, "gust", "tipped", "battery", "pilot", "link_silent"))
+        self._gusts: list[Fault] = []
+        self.tipped = False
+        """Whether the vehicle was turned over, and its rotors survive the ground."""
+
+    def run(self, now: float) -> None:
+        """Do what is due up to ``now``."""
+        blowing = len(self._gusts)
+        self._gusts = [gust for gust in self._gusts if gust.acts(now)]
+        while self._waiting and self._waiting[0].begin <= now:
+            self._begin(self._waiting.pop(0))
+        if len(self._gusts) != blowing:
+            x, y = (math.fsum(gust.amount[axis] for gust in self._gusts) for axis in range(2))
+            self._autopilot.plant.blow(np.array((x, y, 0.0)))
+
+    def _begin(self, fault: Fault) -> None:
+        amount = fault.amount[0]
+        if fault.name == "gust":
+            self._gusts.append(fault)
+        elif fault.name == "tipped":
+            self.tipped = True
+            self._autopilot.plant.tip(math.radians(amount))
+        elif fault.name == "battery":
+            self._autopilot.plant.charge = amount
+        elif fault.name == "pilot":
+            self._autopilot.px4.pilot(NavState(int(amount)))
+        else:
+            self._autopilot.silent_until = fault.end
