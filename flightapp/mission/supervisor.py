@@ -55,7 +55,7 @@ class Supervisor:
         self._suspended = False
         context.bus.fault.tap(self._hear)
         context.bus.phase.tap(lambda _: self._respond())
-        context.bus.goal.tap(lambda goal: goal is not None and self._respond())
+        context.bus.goal.tap(lambda _: self._respond())
 
     async def run(
         self,

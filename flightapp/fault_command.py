@@ -1,0 +1,199 @@
+"""Every row of the fault table in every stage it names, provoked in simulation at random moments."""
+
+import math
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from random import Random
+
+import cv2
+import joblib
+import numpy as np
+from rich.table import Table
+
+from flightapp import app
+from flightapp.bus import Bus
+from flightapp.evaluation.fault_matrix import Cell, Seen, Stages, Statement, departure
+from flightapp.evaluation.sweep import wilson_interval
+from flightapp.inputs import BadInputError
+from flightapp.interfaces import Rig
+from flightapp.messages import AutopilotStatus, Collision, GroundTruth, Phase
+from flightapp.modules import find
+from flightapp.safety.faults import Fault, FaultKind, Stage
+from flightapp.safety.table import TABLE, reaction_to
+
+THINNED = 4
+"""Of the true motion every fourth sample is kept."""
+SETTINGS = ("sim.camera='corners'",)
+"""Of all flights: what the camera's images look like matters to none of them."""
+
+
+@dataclass(slots=True)
+class _Observer:
+    """Takes notes of a flight, beside its log, which may be what fails."""
+
+    motion: list[tuple[float, ...]] = field(default_factory=list)
+    statuses: list[AutopilotStatus] = field(default_factory=list)
+    passages: list[int] = field(default_factory=list)
+    collisions: list[Collision] = field(default_factory=list)
+    told: dict[FaultKind, float] = field(default_factory=dict)
+    begun: dict[Stage, float] = field(default_factory=lambda: {Stage.PREFLIGHT: 0.0})
+    commanded: float = -math.inf
+    now: float = 0.0
+    landed: float = math.inf
+    _count: int = 0
+
+    def watch(self, bus: Bus, rig: Rig) -> None:
+        """Look at everything."""
+        assert rig.truth is not None
+        rig.truth.motion.tap(self._moved)
+        rig.truth.passages.tap(lambda passage: self.passages.append(passage.gate_id))
+        rig.truth.collisions.tap(self.collisions.append)
+        rig.autopilot.status.tap(self.statuses.append)
+        bus.command.tap(lambda command: setattr(self, "commanded", command.stamp))
+        bus.fault.tap(self._told)
+        bus.phase.tap(self._entered)
+
+    def _moved(self, truth: GroundTruth) -> None:
+        self.now = truth.stamp
+        self._count += 1
+        if self._count % THINNED == 0:
+            speed = float(np.linalg.norm(truth.velocity))
+            self.motion.append((truth.stamp, *truth.position.tolist(), speed))
+
+    def _told(self, fault: Fault) -> None:
+        if not fault.over:
+            self.told.setdefault(fault.kind, fault.stamp)
+
+    def _entered(self, phase: Phase) -> None:
+        if phase is Phase.LANDED:
+            self.landed = self.now
+        self.begun.setdefault(Stage.of(phase), self.now)
+
+    def seen(self) -> Seen:
+        """The notes."""
+        motion = np.array(self.motion)
+        stages = Stages(self.begun, min(self.landed, self.now))
+        return Seen(
+            motion[:, 0], motion[:, 1:4], motion[:, 4], self.statuses, self.passages, self.collisions, self.commanded,
+            self.told, stages,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class FaultOptions:
+    """What the command line asks for."""
+
+    mission: Path
+    runs: int = 20
+    first_seed: int = 0
+    only: tuple[FaultKind, ...] = ()
+    vehicle: Path | None = None
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    kind: FaultKind
+    stage: Stage
+    seed: int
+    departure: str
+    crash: str
+
+
+def cells_of(only: Sequence[FaultKind]) -> list[tuple[FaultKind, Stage]]:
+    """What is flown: every fault (or ``only`` some) in every stage that the table names."""
+    return [(kind, stage) for kind, row in TABLE.items() if not only or kind in only for stage in row.reactions]
+
+
+def run_faults(options: FaultOptions, workers: int, advance: Callable[[bool], None]) -> list[Cell]:
+    """Fly all of it in ``workers`` processes, seed by seed; the matrix."""
+    plan = app.FlightPlan(options.mission, Path(), "sim", options.vehicle, (*SETTINGS, *options.overrides))
+    app.prepare(plan)
+    wanted = cells_of(options.only)
+    cells = {(kind, stage): Cell(kind, stage, reaction_to(kind, stage)) for kind, stage in wanted}
+    seeds = range(options.first_seed, options.first_seed + options.runs)
+    parallel = joblib.Parallel(n_jobs=workers, return_as="generator")
+    references = list(parallel(joblib.delayed(_reference)(plan, seed) for seed in seeds))
+    jobs = (
+        joblib.delayed(fly_with_fault)(plan, kind, stage, seed, stages)
+        for seed, stages in zip(seeds, references, strict=True)
+        for kind, stage in wanted
+    )
+    for outcome in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
+        cells[outcome.kind, outcome.stage].add(outcome.seed, outcome.departure, outcome.crash)
+        advance(not outcome.departure and not outcome.crash)
+    return list(cells.values())
+
+
+def _reference(plan: app.FlightPlan, seed: int) -> Stages:
+    """When the stages of a flight without faults begin; raises `BadInputError` where that fails already."""
+    seen, _ = _fly(replace(plan, seed=seed))
+    if set(seen.stages.begin) != set(Stage) or seen.collisions or seen.told:
+        told = ", ".join(seen.told) or "it did not come to its end"
+        raise BadInputError(f"{plan.mission}: seed {seed} does not fly without faults either: {told}")
+    return seen.stages
+
+
+def _fly(plan: app.FlightPlan) -> tuple[Seen, app.Flown]:
+    cv2.setNumThreads(1)
+    observer = _Observer()
+    with tempfile.TemporaryDirectory() as scratch:
+        flown = app.fly(replace(plan, out=Path(scratch)), observer.watch)
+    return observer.seen(), flown
+
+
+def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: int, stages: Stages) -> _Outcome:
+    """One flight with one fault at a random moment of ``stage``, which begins and ends as ``stages`` say."""
+    trial = find("simulators", "faults")[kind][stage]
+    random = Random(f"{seed} {kind} {stage}")
+    moment = trial.moment(stage, stages, random)
+    provocation = trial.provoke(moment, random)
+    entries = [list(entry) for entry in provocation.entries]
+    overrides = (*plan.overrides, *trial.settings, f"sim.faults={entries}")
+    broken = replace(plan, seed=seed, overrides=overrides)
+    mission, config = app.prepare(broken)
+    said = Statement(
+        kind=kind,
+        stage=stage,
+        reaction=reaction_to(kind, stage),
+        begin=moment,
+        notice=trial.notice,
+        end=moment + provocation.lasts,
+        gates=[gate.id for gate in mission.track.passage] * config.mission.laps,
+        finish=np.array(mission.track.finish),
+        slow=config.planning.pace_min * config.race.v_max,
+        patience=config.safety.hold_time,
+    )
+    try:
+        seen, _ = _fly(broken)
+    except BadInputError:
+        raise
+    except Exception as error:  # a flight that breaks is what this looks for
+        return _Outcome(kind, stage, seed, f"{type(error).__name__}: {error}", "")
+    hit = sorted({touch.obstacle for touch in seen.collisions})
+    crash = f"hit {', '.join(hit)}" if hit and not trial.forced else ""
+    where = f"at {moment:.2f} s: "
+    why = departure(said, seen)
+    return _Outcome(kind, stage, seed, where + why if why else "", where + crash if crash else "")
+
+
+def fault_table(cells: Sequence[Cell]) -> Table:
+    """The matrix, and what was not as stated."""
+    table = Table("fault", "phase", "reaction", "runs", "as stated", "95 % interval", "crashes")
+    for cell in cells:
+        low, high = wilson_interval(cell.as_stated, cell.runs)
+        interval = f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
+        row = (cell.kind, cell.stage, cell.reaction, str(cell.runs), str(cell.as_stated), interval, str(cell.crashes))
+        table.add_row(*row, style=None if cell.good else "red")
+    return table
+
+
+def departures_table(cells: Sequence[Cell]) -> Table:
+    """What was seen instead, seed by seed."""
+    table = Table("fault", "phase", "seed", "what was seen instead")
+    for cell in cells:
+        for seed, why in cell.departures:
+            table.add_row(cell.kind, cell.stage, str(seed), why)
+    return table
