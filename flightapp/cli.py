@@ -34,6 +34,7 @@ from flightapp.inputs import BadInputError
 from flightapp.interfaces import PlanningError
 from flightapp.mission.loader import load_mission
 from flightapp.modules import find
+from flightapp.safety.document import document
 from flightapp.safety.faults import FaultKind
 from flightapp.track import load_track
 
@@ -134,8 +135,12 @@ def faults(
     overrides: Overrides = None,
     workers: Annotated[int, typer.Option(min=1, help="processes")] = 2,
     json_file: JsonFile = None,
+    table: Annotated[bool, typer.Option("--table", help="only print the table, as docs/faults.md has it")] = False,
 ) -> None:
     """Provoke every fault of the table in every phase it names; exit status 0 only if all is as stated."""
+    if table:
+        print(document(), end="")
+        return
     options = fault_command.FaultOptions(mission, runs, first_seed, tuple(only or ()), vehicle, tuple(overrides or ()))
     flights = runs * len(fault_command.cells_of(options.only))
     with display.bar(console, flights) as advance:

@@ -35,7 +35,7 @@ class _Observer:
 
     motion: list[tuple[float, ...]] = field(default_factory=list)
     statuses: list[AutopilotStatus] = field(default_factory=list)
-    passages: list[int] = field(default_factory=list)
+    passages: list[tuple[float, int]] = field(default_factory=list)
     collisions: list[Collision] = field(default_factory=list)
     told: dict[FaultKind, float] = field(default_factory=dict)
     begun: dict[Stage, float] = field(default_factory=lambda: {Stage.PREFLIGHT: 0.0})
@@ -48,7 +48,7 @@ class _Observer:
         """Look at everything."""
         assert rig.truth is not None
         rig.truth.motion.tap(self._moved)
-        rig.truth.passages.tap(lambda passage: self.passages.append(passage.gate_id))
+        rig.truth.passages.tap(lambda passage: self.passages.append((passage.stamp, passage.gate_id)))
         rig.truth.collisions.tap(self.collisions.append)
         rig.autopilot.status.tap(self.statuses.append)
         bus.command.tap(lambda command: setattr(self, "commanded", command.stamp))
@@ -74,11 +74,18 @@ class _Observer:
     def seen(self) -> Seen:
         """The notes."""
         motion = np.array(self.motion)
-        stages = Stages(self.begun, min(self.landed, self.now))
+        stages = Stages(self.begun, min(self.landed, self.now), tuple(stamp for stamp, _ in self.passages))
         return Seen(
-            motion[:, 0], motion[:, 1:4], motion[:, 4], self.statuses, self.passages, self.collisions, self.commanded,
-            self.told, stages,
-        )  # fmt: skip
+            stamp=motion[:, 0],
+            position=motion[:, 1:4],
+            speed=motion[:, 4],
+            statuses=self.statuses,
+            passages=[gate_id for _, gate_id in self.passages],
+            collisions=self.collisions,
+            last_command=self.commanded,
+            told=self.told,
+            stages=stages,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +122,7 @@ def run_faults(options: FaultOptions, workers: int, advance: Callable[[bool], No
     cells = {(kind, stage): Cell(kind, stage, reaction_to(kind, stage)) for kind, stage in wanted}
     seeds = range(options.first_seed, options.first_seed + options.runs)
     parallel = joblib.Parallel(n_jobs=workers, return_as="generator")
-    references = list(parallel(joblib.delayed(_reference)(plan, seed) for seed in seeds))
+    references = list(parallel(joblib.delayed(fly_without)(plan, seed) for seed in seeds))
     jobs = (
         joblib.delayed(fly_with_fault)(plan, kind, stage, seed, stages)
         for seed, stages in zip(seeds, references, strict=True)
@@ -127,7 +134,7 @@ def run_faults(options: FaultOptions, workers: int, advance: Callable[[bool], No
     return list(cells.values())
 
 
-def _reference(plan: app.FlightPlan, seed: int) -> Stages:
+def fly_without(plan: app.FlightPlan, seed: int) -> Stages:
     """When the stages of a flight without faults begin; raises `BadInputError` where that fails already."""
     seen, _ = _fly(replace(plan, seed=seed))
     if set(seen.stages.begin) != set(Stage) or seen.collisions or seen.told:
@@ -163,6 +170,7 @@ def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: in
         end=moment + provocation.lasts,
         gates=[gate.id for gate in mission.track.passage] * config.mission.laps,
         finish=np.array(mission.track.finish),
+        pushed=trial.pushed,
         slow=config.planning.pace_min * config.race.v_max,
         patience=config.safety.hold_time,
     )

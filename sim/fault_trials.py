@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 
 from flightapp.evaluation.fault_matrix import Stages
@@ -13,6 +13,10 @@ Entry = tuple[float, str, float | str]
 """As in sim.faults."""
 LASTING = 1000.0
 """s, beyond the end of any flight."""
+AFTER, BEFORE = 0.3, 1.2
+"""s after and before a gate that are near one."""
+DRAWS = 200
+"""Moments that are drawn until one is not."""
 SPOOLED = 1.5
 """s after arming at which the vehicle is in the air."""
 
@@ -44,8 +48,12 @@ class Trial:
     """s before the stage's end of the latest moment, beyond `notice`."""
     from_end: float = math.inf
     """s before the stage's end of the earliest moment."""
+    clear_of_gates: bool = False
+    """Whether the moment is not near a gate, whose frame the vehicle would be blown into."""
     forced: bool = False
     """Whether the fault itself has the vehicle touch something."""
+    pushed: bool = False
+    """Whether the fault moves the vehicle away from where it would have landed."""
     at: float | None = None
     """The moment, where it can't be drawn: there from the start."""
 
@@ -55,8 +63,12 @@ class Trial:
             return self.at
         begin, end = stages.window(stage)
         earliest = max(begin + self.begin, end - self.from_end)
-        latest = min(end - self.notice - self.before_end, earliest + self.within)
-        return random.uniform(earliest, max(latest, earliest))
+        latest = max(min(end - self.notice - self.before_end, earliest + self.within), earliest)
+        for _ in range(DRAWS):
+            moment = random.uniform(earliest, latest)
+            if not self.clear_of_gates or all(not -AFTER < gate - moment < BEFORE for gate in stages.passages):
+                return moment
+        return earliest
 
 
 def _one(name: str, value: float | str, lasts: float = math.inf) -> Callable[[float, Random], Provocation]:
@@ -87,6 +99,11 @@ def _gust(speed: float, seconds: float, along: bool = False) -> Callable[[float,
     return provoke
 
 
+def _battery(before: float, after: float) -> Callable[[float, Random], Provocation]:
+    """Nearly empty from the start, and then a little more."""
+    return lambda t, _: Provocation(((0.0, "battery", before), (t, "battery", after)))
+
+
 def _pilot(t: float, _: Random) -> Provocation:
     """Takes the vehicle over, and lands it."""
     return Provocation(((t, "pilot", "POSCTL"), (t + 1.5, "pilot", "AUTO_LAND")))
@@ -112,9 +129,9 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
     Kind.STATE_UNTRUSTED: _each(_one("pose_slipping", 3.0), 0.7),
     Kind.POSE_LOST: _each(_one("pose_silent", LASTING), 1.0),
     Kind.CAMERA_LOST: _later(
-        _each(_one("camera_frozen", LASTING), 1.2),
-        takeoff=Trial(_for_a_while("camera_frozen", 1.3), 1.2, before_end=0.8),
-        flying=Trial(_passing_or_not("camera_frozen", 2.5), 1.2),
+        _each(_one("camera_silent", LASTING), 1.2),
+        takeoff=Trial(_for_a_while("camera_silent", 1.3), 1.2, before_end=0.8),
+        flying=Trial(_passing_or_not("camera_silent", 2.5), 1.2),
     ),
     Kind.GATE_NOT_FOUND: {Stage.FLYING: Trial(_one("gate_missing", 2.0), 30.0, at=0.0)},
     Kind.GATE_MISSED: {
@@ -123,19 +140,21 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
     Kind.PLANNER_FAILING: {
         Stage.FLYING: Trial(_passing_or_not("planner_failing", 2.5), 1.0, within=0.0),
     },
-    Kind.OFF_THE_LINE: {Stage.FLYING: Trial(_gust(25.0, 0.6), 0.8, ("safety.tracking_error=0.4",))},
+    Kind.OFF_THE_LINE: {
+        Stage.FLYING: Trial(_gust(25.0, 0.6), 0.8, ("safety.tracking_error=0.4",), clear_of_gates=True)
+    },
     Kind.GEOFENCE_LEFT: {
         Stage.PREFLIGHT: Trial(lambda t, _: Provocation(()), 1.0, ELSEWHERE, at=0.0),
         Stage.TAKEOFF: Trial(_gust(25.0, 1.2), 1.2, NARROW, begin=SPOOLED),
-        Stage.FLYING: Trial(_gust(35.0, 0.7), 1.0, NARROW),
-        Stage.LANDING: Trial(_gust(25.0, 1.0), 1.2, NARROW, before_end=1.5),
+        Stage.FLYING: Trial(_gust(35.0, 0.7), 1.0, NARROW, clear_of_gates=True),
+        Stage.LANDING: Trial(_gust(25.0, 1.0), 1.2, NARROW, before_end=1.5, pushed=True),
     },
     Kind.OUT_OF_ENVELOPE: {
-        Stage.TAKEOFF: Trial(_one("tipped", 120.0), 0.3, begin=SPOOLED + 0.7, forced=True),
+        Stage.TAKEOFF: Trial(_one("tipped", 170.0), 0.6, begin=SPOOLED + 0.7, forced=True),
         Stage.FLYING: Trial(
             _gust(30.0, 0.6, along=True), 0.8, ("safety.speed_margin=0.3", "safety.tracking_error=5.0")
         ),
-        Stage.LANDING: Trial(_one("tipped", 120.0), 0.3, from_end=3.4, before_end=2.6, forced=True),
+        Stage.LANDING: Trial(_one("tipped", 170.0), 0.6, within=0.2, forced=True, pushed=True),
     },
     Kind.TIPPED_OVER: {
         Stage.PREFLIGHT: Trial(_one("tipped", 180.0), 0.8, forced=True),
@@ -143,15 +162,18 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         Stage.FLYING: Trial(_one("tipped", 180.0), 2.5, ("mission.takeoff_height=0.6",), within=0.0, forced=True),
         Stage.LANDING: Trial(_one("tipped", 180.0), 1.5, from_end=1.9, forced=True),
     },
-    Kind.BATTERY_LOW: _each(_one("battery", 0.17), 1.2),
-    Kind.BATTERY_CRITICAL: _each(_one("battery", 0.085), 1.2),
+    Kind.BATTERY_LOW: _each(_battery(0.26, 0.18), 1.2),
+    Kind.BATTERY_CRITICAL: {
+        stage: replace(trial, settings=("safety.battery_low=0.1",))
+        for stage, trial in _each(_battery(0.17, 0.09), 1.2).items()
+    },
     Kind.LINK_LOST: _each(_for_a_while("link_silent", 2.5), 2.6),
     Kind.TAKEN_OVER: {
         Stage.TAKEOFF: Trial(_pilot, 0.3, begin=SPOOLED),
         Stage.FLYING: Trial(_pilot, 0.3),
         Stage.LANDING: Trial(_pilot, 0.3, before_end=1.8),
     },
-    Kind.NO_COMMAND: {Stage.FLYING: Trial(_one("loop_stall", 0.6), 0.8)},
+    Kind.NO_COMMAND: {Stage.FLYING: Trial(_one("loop_stall", 0.3), 0.6, ("guard.stall=0.26",))},
     Kind.OVERLOAD: _later(
         _each(_one("loop_busy", LASTING), 2.2),
         takeoff=Trial(_for_a_while("loop_busy", 1.2), 1.5, before_end=0.5),

@@ -10,6 +10,7 @@ the time at which it was captured. What lasts, lasts to the end of the flight wh
 | pose_relocalised  | m or m:deg    | the tracker's frame moves (along its x) and turns (about the vehicle)         |
 | pose_frozen       | s             | the tracker tells the same pose again and again, with new stamps              |
 | pose_slipping     | m/s           | velocities are off by as much, along their frame's x; positions are right     |
+| camera_silent     | s             | the camera delivers nothing                                                   |
 | camera_frozen     | s             | the camera delivers the same image again and again, with new stamps           |
 | camera_black      | s             | its images are black                                                          |
 | camera_slow       | Hz            | images come no more often                                                     |
@@ -20,7 +21,8 @@ the time at which it was captured. What lasts, lasts to the end of the flight wh
 | gate_moved        | id:m          | the gate moves to the left of its direction of passage, or right if negative  |
 | gates_swapped     | id:id         | two gates change places                                                       |
 | gust              | vx:vy:s       | wind of so many m/s (world) besides the others, for so long                    |
-| tipped            | deg           | it is turned about its x axis at once, and at rest; rotors survive the ground  |
+| tipped            | deg           | it is held, and turned about its x axis within `TIPPING`; rotors survive the   |
+|                   |               | ground                                                                        |
 | battery           | 0..1          | that is left of the charge                                                    |
 | pilot             | mode          | a pilot with a transmitter chooses a mode by its name in PX4, such as POSCTL   |
 | link_silent       | s             | nothing gets through to the autopilot or back                                 |
@@ -40,7 +42,9 @@ What flight code shall do about the sensors and the gates (about the others: fli
 | pose_silent, pose_frozen    | coasts for estimation.coast and flies on where poses are back by then; else it hands   |
 |                             | over to the autopilot, which lands                                                     |
 | pose_jump, pose_relocalised | flies on; nothing else is visible                                                      |
-| camera_frozen, camera_black | flies on through gates that are known; stops before others, or where a gate ought to   |
+| camera_silent,              | flies on if it is short; after safety.camera_timeout stops along the line, goes on     |
+| camera_frozen               | when images are back, and lands after safety.hold_time                                 |
+| camera_black                | flies on through gates that are known; stops before others, or where a gate ought to   |
 |                             | be in sight, searches, and lands when race.search_timeout is over: WRONG_PROGRESS      |
 | camera_slow, camera_late    | flies on                                                                               |
 | sightings_wrong             | flies on: what contradicts the map is not used                                         |
@@ -63,6 +67,8 @@ JUMP_TIME = 0.03
 """s, of a jump that comes back."""
 LATEST = 0.4
 """s, greatest additional latency of the camera."""
+TIPPING = 0.4
+"""s in which a vehicle is turned over."""
 BUSY, IDLE = 0.03, 0.01
 """s that a busy event loop has no turn, and then one."""
 
@@ -143,6 +149,7 @@ KINDS: Mapping[str, Callable[[Value], Amount]] = MappingProxyType(
         "pose_relocalised": _move_and_turn,
         "pose_frozen": _duration,
         "pose_slipping": _one,
+        "camera_silent": _duration,
         "camera_frozen": _duration,
         "camera_black": _duration,
         "camera_slow": _rate,
@@ -168,7 +175,15 @@ KINDS: Mapping[str, Callable[[Value], Amount]] = MappingProxyType(
     }
 )
 """All faults that there are, by name, with what reads their values."""
-LASTING = {"pose_silent", "pose_frozen", "camera_frozen", "camera_black", "link_silent", "loop_busy"} | {
+LASTING = {
+    "pose_silent",
+    "pose_frozen",
+    "camera_silent",
+    "camera_frozen",
+    "camera_black",
+    "link_silent",
+    "loop_busy",
+} | {
     "planner_failing",
     "log_failing",
 }

@@ -70,6 +70,8 @@ class CameraFaults:
 
     def expose(self, stamp: float, pose_at: PoseAt, take: Callable[[PoseAt], Frame]) -> Frame | None:
         """The image of ``stamp``, which ``take`` takes from where the camera is; None where there is none."""
+        if self._acting(stamp, "camera_silent"):
+            return None
         for slow in self._acting(stamp, "camera_slow"):
             if self._last is not None and stamp - self._last.stamp < 1.0 / slow.amount[0] - 1e-6:
                 return None
@@ -101,5 +103,5 @@ class CameraFaults:
         return elsewhere
 
 
-CAMERA = {"camera_frozen", "camera_black", "camera_slow", "camera_late", "sightings_wrong"}
+CAMERA = {"camera_silent", "camera_frozen", "camera_black", "camera_slow", "camera_late", "sightings_wrong"}
 """Faults of which `CameraFaults` asks when an image is taken."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.autopilot import SimAutopilot
-from sim.faults import Fault, named
+from sim.faults import TIPPING, Fault, named
 from sim.px4.modes import NavState
 
 
@@ -17,6 +17,8 @@ class VehicleFaults:
         self._autopilot = autopilot
         self._waiting = list(named(faults, "gust", "tipped", "battery", "pilot", "link_silent"))
         self._gusts: list[Fault] = []
+        self._tipping: Fault | None = None
+        self._turned = 0.0
         self.tipped = False
         """Whether the vehicle was turned over, and its rotors survive the ground."""
 
@@ -26,17 +28,27 @@ class VehicleFaults:
         self._gusts = [gust for gust in self._gusts if gust.acts(now)]
         while self._waiting and self._waiting[0].begin <= now:
             self._begin(self._waiting.pop(0))
+        if self._tipping is not None:
+            self._tip(self._tipping, now)
         if len(self._gusts) != blowing:
             x, y = (math.fsum(gust.amount[axis] for gust in self._gusts) for axis in range(2))
             self._autopilot.plant.blow(np.array((x, y, 0.0)))
+
+    def _tip(self, fault: Fault, now: float) -> None:
+        """Turn it on; a little at a time, as no tracker would believe a jump."""
+        angle = math.radians(fault.amount[0])
+        share = min((now - fault.begin) / TIPPING, 1.0)
+        self._autopilot.plant.tip(share * angle - self._turned, share * angle, angle / TIPPING if share < 1.0 else 0.0)
+        self._turned = share * angle
+        if share == 1.0:
+            self._tipping = None
 
     def _begin(self, fault: Fault) -> None:
         amount = fault.amount[0]
         if fault.name == "gust":
             self._gusts.append(fault)
         elif fault.name == "tipped":
-            self.tipped = True
-            self._autopilot.plant.tip(math.radians(amount))
+            self.tipped, self._tipping, self._turned = True, fault, 0.0
         elif fault.name == "battery":
             self._autopilot.plant.charge = amount
         elif fault.name == "pilot":

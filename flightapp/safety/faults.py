@@ -51,6 +51,8 @@ _STAGES = {
     Phase.FLYING: Stage.FLYING,
     Phase.LANDING: Stage.LANDING,
     Phase.ABORTED: Stage.LANDING,
+    # Whatever is not as it should be matters again when another takeoff is asked for.
+    Phase.LANDED: Stage.LANDING,
 }
 
 

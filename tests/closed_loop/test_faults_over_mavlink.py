@@ -108,7 +108,7 @@ def test_a_link_that_is_lost_and_comes_back(tmp_path, silence):
         seen = flight.statistics()
         assert seen.last - lost < LOST_AFTER + HOLD + ALLOWANCE
         assert seen.messages["COMMAND_LONG"] > asked, "the landing is asked for"
-        assert "link to the autopilot is back" in flight.events()
+        assert "link lost is over" in flight.events()
         assert "PROCESS_FAILURE: link lost: nothing heard of the autopilot" in flight.text()
 
 
