@@ -238,14 +238,14 @@ class Plant:
         """From now on there is the ``wind`` (3,) m/s, world, besides mean wind and gusts."""
         self._constants[at.P_WIND : at.P_WIND + 3] = self.mean_wind + wind
 
-    def tip(self, further: float, altogether: float, rate: float) -> None:
-        """Hold it and turn it ``further`` rad about its x axis, at ``rate`` rad/s then, as high as its feet need.
+    def tip(self, upright: Vector, angle: float, rate: float) -> None:
+        """Hold it, turned from its attitude ``upright`` (4,) by ``angle`` rad about x, as high as its feet need.
 
-        ``altogether`` is by how much it has been turned then, rad.
+        ``rate`` rad/s is how fast it is being turned.
         """
         S = self._state
-        turned = np.array((math.cos(0.5 * further), math.sin(0.5 * further), 0.0, 0.0))
-        S[at.ORIENTATION : at.VELOCITY] = quat_multiply(S[at.ORIENTATION : at.VELOCITY], turned)
-        S[2] = max(S[2], self._constants[at.P_ROTOR_Y] * abs(math.sin(altogether)) - FOOT_SAG)
+        turned = np.array((math.cos(0.5 * angle), math.sin(0.5 * angle), 0.0, 0.0))
+        S[at.ORIENTATION : at.VELOCITY] = quat_multiply(upright, turned)
+        S[2] = max(S[2], self._constants[at.P_ROTOR_Y] * abs(math.sin(angle)) - FOOT_SAG)
         S[at.VELOCITY : at.OMEGA + 3] = 0.0
         S[at.OMEGA] = rate

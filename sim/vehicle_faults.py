@@ -18,7 +18,7 @@ class VehicleFaults:
         self._waiting = list(named(faults, "gust", "tipped", "battery", "pilot", "link_silent"))
         self._gusts: list[Fault] = []
         self._tipping: Fault | None = None
-        self._turned = 0.0
+        self._upright = autopilot.plant.orientation
         self.tipped = False
         """Whether the vehicle was turned over, and its rotors survive the ground."""
 
@@ -38,8 +38,7 @@ class VehicleFaults:
         """Turn it on; a little at a time, as no tracker would believe a jump."""
         angle = math.radians(fault.amount[0])
         share = min((now - fault.begin) / TIPPING, 1.0)
-        self._autopilot.plant.tip(share * angle - self._turned, share * angle, angle / TIPPING if share < 1.0 else 0.0)
-        self._turned = share * angle
+        self._autopilot.plant.tip(self._upright, share * angle, angle / TIPPING if share < 1.0 else 0.0)
         if share == 1.0:
             self._tipping = None
 
@@ -48,7 +47,7 @@ class VehicleFaults:
         if fault.name == "gust":
             self._gusts.append(fault)
         elif fault.name == "tipped":
-            self.tipped, self._tipping, self._turned = True, fault, 0.0
+            self.tipped, self._tipping, self._upright = True, fault, self._autopilot.plant.orientation
         elif fault.name == "battery":
             self._autopilot.plant.charge = amount
         elif fault.name == "pilot":
