@@ -12,7 +12,7 @@ import cv2
 import typer
 from rich.console import Console
 
-from flightapp import app, control_bench, display, fault_command, identify_command, plan_command, results, tune_command
+from flightapp import app, control_bench, display, identify_command, plan_command, results, tune_command
 from flightapp.autopilot.diagnosis import Light, diagnosis_json, diagnosis_tables
 from flightapp.autopilot.doctor import Change, Confirm, visit
 from flightapp.autopilot.link import Px4Link
@@ -24,24 +24,23 @@ from flightapp.config import dump_config, load_config
 from flightapp.control_bench import control_tables, run_control_bench
 from flightapp.evaluation.detection_bench import detection_table, run_detection_bench
 from flightapp.evaluation.false_ids import FIRST_SEED, false_ids_line, run_false_ids
-from flightapp.evaluation.fault_matrix import matrix_json
 from flightapp.evaluation.growth import growth_page, growth_tables, measure_growth
 from flightapp.evaluation.plan_table import plan_rows, rows_json, rows_table
 from flightapp.evaluation.planned import plan_json, plan_tables
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import rich_table, terminal_tables
+from flightapp.fault_cli import faults
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import PlanningError
 from flightapp.mission.loader import load_mission
 from flightapp.modules import find
-from flightapp.safety.document import document
-from flightapp.safety.faults import FaultKind
 from flightapp.track import load_track
 
 cli = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help="Autonomous drone racing on board."
 )
 cli.add_typer(calibrate, name="calibrate")
+cli.command()(faults)
 console = Console()
 
 Mission = Annotated[Path, typer.Argument(help="a mission, such as missions/five_gates.py")]
@@ -123,34 +122,6 @@ def sweep(
         summary = results.sweep(plan, runs, workers, advance)
     console.print(results.sweep_table(summary))
     results.write_json(json_file, summary)
-
-
-@cli.command()
-def faults(
-    runs: Annotated[int, typer.Option(min=1, help="flights for each fault in each phase")] = 20,
-    first_seed: Annotated[int, typer.Option(min=0, help="seed of the first; the others count up")] = 0,
-    only: Annotated[list[FaultKind] | None, typer.Option(help="a fault of the table, such as 'pose lost'")] = None,
-    mission: Annotated[Path, typer.Option(help="what is flown")] = Path("missions/faults.py"),
-    vehicle: Vehicle = None,
-    overrides: Overrides = None,
-    workers: Annotated[int, typer.Option(min=1, help="processes")] = 2,
-    json_file: JsonFile = None,
-    table: Annotated[bool, typer.Option("--table", help="only print the table, as docs/faults.md has it")] = False,
-) -> None:
-    """Provoke every fault of the table in every phase it names; exit status 0 only if all is as stated."""
-    if table:
-        print(document(), end="")
-        return
-    options = fault_command.FaultOptions(mission, runs, first_seed, tuple(only or ()), vehicle, tuple(overrides or ()))
-    flights = runs * len(fault_command.cells_of(options.only))
-    with display.bar(console, flights) as advance:
-        cells = fault_command.run_faults(options, workers, advance)
-    console.print(fault_command.fault_table(cells))
-    good = all(cell.good for cell in cells)
-    if not good:
-        console.print(fault_command.departures_table(cells))
-    results.write_json(json_file, matrix_json(cells))
-    raise typer.Exit(0 if good else 1)
 
 
 @cli.command()
