@@ -12,6 +12,7 @@ from flightapp.evaluation.sweep import wilson_interval
 from flightapp.frames import Vector
 from flightapp.messages import AutopilotStatus, Collision, FlightMode
 from flightapp.safety.faults import FaultKind, Reaction, Stage
+from flightapp.safety.table import reaction_to
 
 DOWN = 0.15
 """m, height of a vehicle on the ground."""
@@ -111,12 +112,21 @@ class Statement:
 
 
 def departure(said: Statement, seen: Seen) -> str:
-    """How what was ``seen`` differs from what is ``said``; empty where it doesn't."""
-    if said.kind not in seen.told:
+    """How what was ``seen`` differs from what is ``said``; empty where it doesn't.
+
+    The fault must have been told of, or another that follows from it and calls for the same.
+    """
+    since = min((stamp for kind, stamp in seen.told.items() if _fits(kind, said)), default=None)
+    if since is None:
         return f"was not noticed, but {', '.join(seen.told) or 'nothing'} was"
-    if not said.begin - 0.01 <= seen.told[said.kind]:
+    if not said.begin - 0.01 <= since:
         return "was noticed before it was there"
     return _JUDGES[said.reaction](said, seen)
+
+
+def _fits(kind: FaultKind, said: Statement) -> bool:
+    alike = said.reaction is not Reaction.CONTINUE and reaction_to(kind, said.stage) is said.reaction
+    return kind is said.kind or alike
 
 
 def _goes_on(said: Statement, seen: Seen) -> str:

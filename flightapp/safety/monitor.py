@@ -125,7 +125,7 @@ def conditions(config: Config, gates: bool) -> tuple[Condition, ...]:
         Condition(FaultKind.OFF_THE_LINE, own.line),
         Condition(FaultKind.GEOFENCE_LEFT, own.fence, 0.1),
         Condition(FaultKind.OUT_OF_ENVELOPE, own.envelope, 0.25),
-        Condition(FaultKind.TIPPED_OVER, own.tipped, 0.2),
+        Condition(FaultKind.TIPPED_OVER, own.tipped, 0.5),
         Condition(FaultKind.BATTERY_LOW, own.battery_low, 1.0, math.inf),
         Condition(FaultKind.BATTERY_CRITICAL, own.battery_critical, 1.0, math.inf),
         Condition(FaultKind.LINK_LOST, own.link),
