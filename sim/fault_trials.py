@@ -173,7 +173,7 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         Stage.FLYING: Trial(_pilot, 0.3),
         Stage.LANDING: Trial(_pilot, 0.3, before_end=1.8),
     },
-    Kind.NO_COMMAND: {Stage.FLYING: Trial(_one("loop_stall", 0.3), 0.6, ("guard.stall=0.26",))},
+    Kind.NO_COMMAND: {Stage.FLYING: Trial(_one("loop_stall", 0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))},
     Kind.OVERLOAD: _later(
         _each(_one("loop_busy", LASTING), 2.2),
         takeoff=Trial(_for_a_while("loop_busy", 1.2), 1.5, before_end=0.5),
