@@ -66,8 +66,8 @@ class Activation:
         behavior = self.behavior
         self._begun.set()
         try:
-            async with asyncio.timeout(behavior.timeout):
-                return await self._work()
+            async with asyncio.timeout(behavior.timeout) as limit:
+                return await self._work(limit)
         except TimeoutError:
             behavior.stopped()
             return Result(Outcome.TIME_OUT, f"not done within {behavior.timeout:g} s")
@@ -80,7 +80,7 @@ class Activation:
             behavior.stopped()
             return Result(Outcome.PROCESS_FAILURE, f"{type(error).__name__}: {error}")
 
-    async def _work(self) -> Result:
+    async def _work(self, limit: asyncio.Timeout) -> Result:
         while True:
             running = asyncio.create_task(self.behavior.run(), name=self.behavior.name)
             try:
@@ -90,12 +90,21 @@ class Activation:
             if result is not None:
                 return result
             self.behavior.stopped()
-            await self._going.wait()
+            await self._wait(limit)
+
+    async def _wait(self, limit: asyncio.Timeout) -> None:
+        """Until it goes on; meanwhile its time stands still."""
+        now = self.behavior.context.now
+        begun, end = now(), limit.when()
+        limit.reschedule(None)
+        await self._going.wait()
+        if end is not None:
+            limit.reschedule(end + now() - begun)
 
     async def _watched(self, running: "asyncio.Task[Result]") -> Result | None:
         """What ``running`` comes to, or why it must not go on; None when it was suspended."""
         behavior, now = self.behavior, self.behavior.context.now
-        sound = on_course = now()
+        sound = on_course = last = now()
         while True:
             await asyncio.wait((running,), timeout=WATCH_INTERVAL)
             if running.done():
@@ -103,8 +112,11 @@ class Activation:
             if not self._going.is_set():
                 return None
             missing, off_course = behavior.missing(), behavior.off_course()
-            sound = sound if missing else now()
-            on_course = on_course if off_course else now()
+            # After a stall of the process what has come meanwhile is still to be heard: the stall does not count.
+            stalled = max(now() - last - 2.0 * WATCH_INTERVAL, 0.0)
+            last = now()
+            sound = sound + stalled if missing else now()
+            on_course = on_course + stalled if off_course else now()
             if now() - sound > INPUT_PATIENCE:
                 return self._broken_off(Outcome.PROCESS_FAILURE, missing)
             if now() - on_course > COURSE_PATIENCE:

@@ -9,12 +9,13 @@ from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from flightapp.autopilot.guard import SETTLE, CommandGuard
+from flightapp.autopilot.guard import CommandGuard
 from flightapp.behaviors.base import Context
 from flightapp.behaviors.coordinator import Coordinator
+from flightapp.behaviors.emergency import ASK_AGAIN, PILOTED, down, heard
 from flightapp.channel import Reader
 from flightapp.interfaces import Autopilot, AutopilotError
-from flightapp.messages import AutopilotStatus, Event, FlightMode, Outcome, Phase
+from flightapp.messages import Event, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
 from flightapp.mission.loader import MissionError
 from flightapp.planning.caution import Caution
@@ -22,15 +23,8 @@ from flightapp.safety.faults import Fault, FaultKind, Reaction, Stage
 from flightapp.safety.present import PresentFaults
 from flightapp.safety.table import TABLE, reaction_to
 
-ASK_AGAIN = 1.0
-"""s without news of the autopilot until the landing is asked for again."""
-NEWS = 0.3
-"""s that a landing waits at most for the autopilot's present mode: after a stall of the process a pilot may fly."""
 LAST_WORDS = 1.0
 """s of recording after the motors are off: what the autopilot, or its link, still has to say, as of a reboot."""
-LANDING = frozenset({FlightMode.LAND, FlightMode.DESCEND})
-PILOTED = frozenset(FlightMode) - LANDING - {FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD}
-"""Modes that the application never asks for."""
 MAY_FLY = frozenset(Phase) - {Phase.IDLE, Phase.PREFLIGHT, Phase.LANDED}
 
 
@@ -167,18 +161,18 @@ class Supervisor:
         patience = context.config.mission.land_timeout
         try:
             async with asyncio.timeout(patience):
-                await self._see_down(context.autopilot)
+                await self._seedown(context.autopilot)
             await asyncio.sleep(LAST_WORDS)
         except TimeoutError:
             self._event(f"landing not confirmed: not disarmed within {patience:g} s")
         except Exception as error:  # the autopilot's own failsafe is what is left
             self._event(f"landing not confirmed: {type(error).__name__}: {error}")
 
-    async def _see_down(self, autopilot: Autopilot) -> None:
+    async def _seedown(self, autopilot: Autopilot) -> None:
         """Until the motors are off; the flight is recorded meanwhile."""
         status, left, landing = Reader(autopilot.status), False, False
-        await self._hear_news(autopilot)
-        while not _down(autopilot.status.latest):
+        await heard(self._context)
+        while not down(autopilot.status.latest):
             if why := self._hands_off():
                 if not left:
                     self._event(f"{why}: nothing is asked of the autopilot until it has disarmed")
@@ -209,14 +203,6 @@ class Supervisor:
             return False
         return True
 
-    async def _hear_news(self, autopilot: Autopilot) -> None:
-        """Wait for what the autopilot says from now on, and not for what has been waiting for us."""
-        begun, status = self._context.now(), Reader(autopilot.status)
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(NEWS):
-                while (await status.newest()).stamp < begun + SETTLE:
-                    pass
-
     def _event(self, text: str) -> None:
         self._context.bus.event.publish(Event(self._context.now(), "fault", text))
 
@@ -242,10 +228,6 @@ def _caught_signals(interrupted: "asyncio.Future[str]") -> Iterator[None]:
         for number, handler in zip(numbers, before, strict=True):
             loop.remove_signal_handler(number)
             signal.signal(number, handler)
-
-
-def _down(status: AutopilotStatus | None) -> bool:
-    return status is not None and not status.armed
 
 
 def _ending(flying: "asyncio.Task[None]") -> Ending:

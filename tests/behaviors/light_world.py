@@ -4,7 +4,10 @@ For many flights in which what matters is who commands when, not how well it fli
 """
 
 import asyncio
+import math
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +19,8 @@ from flightapp.behaviors.coordinator import Coordinator
 from flightapp.messages import Drift, FlightMode, Frame, GateEstimate, GateMap, Phase, RateCommand
 from flightapp.planning.navigator import Navigator
 from flightapp.planning.polynomial import PolynomialPlanner
+from flightapp.safety.monitor import Monitor
+from flightapp.safety.watch import Watch
 from flightapp.timing import Ticker
 from flightapp.trajectory import hover
 from sim.rig import ModelledWorker
@@ -44,6 +49,9 @@ class LightWorld:
         self.autopilot = autopilot or FakeAutopilot()
         self.context = make_context(self.autopilot, track, **(SETTINGS | settings))
         self.guard = CommandGuard(self.context.config)
+        self.context = replace(self.context, release_guard=self.guard.release)
+        self.navigator = Navigator(self.context.config, track)
+        self.caution = self.navigator.caution
         self.push = np.zeros(3)
         """m, by which it is off its line."""
         self.silent = False
@@ -78,17 +86,24 @@ class LightWorld:
         """The coroutines that keep it going."""
         config, context = self.context.config, self.context
         modules = SimpleNamespace(
-            navigator=Navigator(config, context.track),
+            navigator=self.navigator,
             planner=PolynomialPlanner(config),
             controller=LightController(),
             guard=self.guard,
         )
-        rig = SimpleNamespace(worker=ModelledWorker(config), autopilot=self.autopilot)
+        rig, ticker = (
+            SimpleNamespace(worker=ModelledWorker(config), autopilot=self.autopilot),
+            Ticker(config.control.rate),
+        )
+        computer = SimpleNamespace(disk_free=lambda _: math.inf, clock_offset=lambda: 0.0)
+        line, rate = context.line, config.control.rate
+        watch = Watch(context.bus, self.autopilot, line, computer, ticker, rate, Path(), lambda: "", context.now())
         return [
             self._states(),
             self._statuses(),
-            tasks.planning(rig, context.bus, modules, config, context.line),
-            tasks.control(rig, context.bus, modules, context.line, Ticker(config.control.rate)),
+            tasks.planning(rig, context.bus, modules, config, line),
+            tasks.control(rig, context.bus, modules, line, ticker),
+            tasks.health(context.bus, watch, Monitor(config, bool(context.track.passage))),
         ]
 
     def airborne(self, place=(0.0, 0.0, 1.5)):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from fakes import virtually
 from hypothesis import HealthCheck, event, given, settings
+from hypothesis import Phase as Step
 from hypothesis import strategies as st
 from light_world import LightWorld
 
@@ -14,6 +15,7 @@ from flightapp.behaviors.coordinator import Coordinator
 from flightapp.messages import FlightMode, Phase
 from flightapp.mission.drone import BehaviorFailedError, Drone
 from flightapp.mission.supervisor import Supervisor
+from flightapp.planning.geofence import Geofence
 
 MISSIONS = int(os.environ.get("RANDOM_MISSIONS", "60"))
 """How many are flown."""
@@ -65,9 +67,14 @@ class Watched(LightWorld):
         super().__init__(**settings_)
         self.coordinator = Coordinator(self.context)
         self.taken_over = np.inf
+        self.fence, self.furthest = Geofence.of(self.context.config.geofence), -np.inf
         self.wrong = []
         self._phases = []
         self.context.bus.phase.tap(self._phases.append)
+
+    def _move(self, now):
+        super()._move(now)
+        self.furthest = max(self.furthest, self.fence.outside(self.place - self.push))
 
     def _send(self, command):
         super()._send(command)
@@ -115,11 +122,14 @@ async def act(drone, one):
 
 
 @settings(
-    max_examples=MISSIONS, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+    max_examples=MISSIONS,
+    deadline=None,
+    phases=[Step.explicit, Step.reuse, Step.generate],  # a failing one is told as it is: shrinking takes minutes
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 @given(st.lists(acts, min_size=1, max_size=6), st.lists(happening, max_size=3))
 def test_whatever_happens(mission, happenings):
-    world = Watched()
+    world = Watched(geofence__corners=((-10.0, -8.0), (26.0, 8.0)), geofence__floor=-0.5, geofence__ceiling=5.0)
 
     async def fly(drone):
         for one in mission:
@@ -131,7 +141,8 @@ def test_whatever_happens(mission, happenings):
         work = {f"work {number}": coroutine for number, coroutine in enumerate(world.work())}
         flying = world.coordinator.oversee(fly(drone))
         async with asyncio.timeout(LONGEST):
-            ending = await Supervisor(world.context, world.guard).run(work, world.autopilot, lambda: flying)
+            supervisor = Supervisor(world.context, world.coordinator, world.guard, world.caution)
+            ending = await supervisor.run(work, world.autopilot, lambda: flying)
         for task in outside:
             task.cancel()
         await asyncio.gather(*outside, return_exceptions=True)
@@ -140,6 +151,7 @@ def test_whatever_happens(mission, happenings):
     ending = virtually(main())
     event(str(ending.outcome))
     assert not world.wrong
+    assert world.furthest <= world.context.config.geofence.margin
     assert world.coordinator.active == ()
     assert not world.autopilot.status.latest.armed
     assert world.context.machine.phase in (Phase.IDLE, Phase.LANDED, Phase.ABORTED)
