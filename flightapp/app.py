@@ -199,7 +199,7 @@ def _wire(
         supervisor = Supervisor(context, coordinator, modules.guard, modules.navigator.caution)
         try:
             with hangups(retune):
-                return await supervisor.run(work, rig.autopilot, lambda: coordinator.oversee(mission.run(drone)))
+                return await supervisor.run(work, rig.autopilot, lambda: mission.run(drone))
         finally:
             if track := mapped(known, modules.estimator.places()):
                 write_map(out / "map.toml", track)

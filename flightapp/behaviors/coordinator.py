@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from flightapp.behaviors.base import Behavior, Context, Result
@@ -15,6 +15,9 @@ INPUT_PATIENCE = 0.3
 """s for which inputs may be missing: what lasts longer is a failure."""
 COURSE_PATIENCE = 1.0
 """s for which a behavior may be off its course: a map that was corrected moves the line all at once."""
+
+LETTING_GO = 3.0
+"""s that a behavior, or a mission, may take to end: the autopilot's answer to a request to arm is waited for."""
 
 AnyBehavior = Behavior[Any]
 
@@ -149,13 +152,15 @@ class Coordinator:
         """The behavior that holds the motion command; without one the line's end is held, or the autopilot flies."""
         return next((behavior for behavior in self.active if behavior.moves), None)
 
-    async def oversee(self, mission: Awaitable[None]) -> None:
-        """Wait for ``mission``, then stop what it left at work; whatever its own tasks still ask for is refused."""
-        try:
-            await mission
-        finally:
-            self._over = True
-            await asyncio.gather(*(activation.stop("the mission is over") for activation in self._active))
+    async def close(self) -> None:
+        """The mission is over: stop what is at work, and refuse whatever its tasks still ask for.
+
+        A behavior that does not let itself be stopped is left alone after `LETTING_GO`.
+        """
+        self._over = True
+        stops = [asyncio.create_task(activation.stop("the mission is over")) for activation in self._active]
+        if stops:
+            await asyncio.wait(stops, timeout=LETTING_GO)
 
     async def run(self, behavior: AnyBehavior) -> Result:
         """Activate ``behavior`` and wait until it ends; never raises but for cancellation, which stops it."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.behaviors.base import Context
-from flightapp.behaviors.coordinator import Coordinator
+from flightapp.behaviors.coordinator import LETTING_GO, Coordinator
 from flightapp.behaviors.emergency import ASK_AGAIN, PILOTED, down, heard
 from flightapp.channel import Reader
 from flightapp.interfaces import Autopilot, AutopilotError
@@ -63,7 +63,7 @@ class Supervisor:
         try:
             with _caught_signals(interrupted):
                 ending = await self._mission(autopilot, mission, interrupted)
-                if self._context.machine.phase in MAY_FLY:
+                if self._may_fly():
                     await self._abort(ending.reason)
             return ending
         finally:
@@ -81,6 +81,11 @@ class Supervisor:
             place = traceback.extract_tb(error.__traceback__)[-1]
             text = f"task {task.get_name()} failed at {place.name}:{place.lineno}: {type(error).__name__}: {error}"
             self._context.bus.fault.publish(Fault(self._context.now(), FaultKind.TASK_FAILED, text))
+
+    def _may_fly(self) -> bool:
+        """Whether there is a flight to be seen to its end; also where the request to arm was not answered in time."""
+        phase, status = self._context.machine.phase, self._context.autopilot.status.latest
+        return phase in MAY_FLY or (phase is Phase.PREFLIGHT and status is not None and status.armed)
 
     # Faults and reactions.
 
@@ -149,7 +154,8 @@ class Supervisor:
             # What ends from here on ends on the ground: nothing else is decided any more.
             self._decided.cancel()
             flying.cancel()
-            await asyncio.gather(flying, return_exceptions=True)
+            await self._coordinator.close()
+            await asyncio.wait((flying,), timeout=LETTING_GO)
 
     # The end in flight.
 

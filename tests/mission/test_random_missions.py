@@ -139,10 +139,9 @@ def test_whatever_happens(mission, happenings):
         drone = Drone(world.context, world.coordinator, {})
         outside = [asyncio.create_task(world.happen(*one)) for one in happenings if one[1] != "interrupt"]
         work = {f"work {number}": coroutine for number, coroutine in enumerate(world.work())}
-        flying = world.coordinator.oversee(fly(drone))
         async with asyncio.timeout(LONGEST):
             supervisor = Supervisor(world.context, world.coordinator, world.guard, world.caution)
-            ending = await supervisor.run(work, world.autopilot, lambda: flying)
+            ending = await supervisor.run(work, world.autopilot, lambda: fly(drone))
         for task in outside:
             task.cancel()
         await asyncio.gather(*outside, return_exceptions=True)

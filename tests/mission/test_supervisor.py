@@ -11,7 +11,7 @@ from fakes import FakeAutopilot, make_context, stream_states, virtually
 from flightapp.behaviors.coordinator import Coordinator
 from flightapp.interfaces import AutopilotError
 from flightapp.messages import FlightMode, Outcome, Phase
-from flightapp.mission.drone import Drone
+from flightapp.mission.drone import BehaviorFailedError, Drone
 from flightapp.mission.supervisor import Supervisor
 from flightapp.planning.caution import Caution
 from flightapp.safety.faults import Fault, FaultKind
@@ -393,3 +393,35 @@ def test_the_same_fault_told_again_is_not_logged_again():
 
     fly(up_and_down, during=twice, work=work)
     assert events.count("disk full: test; continue") == 1
+
+
+def test_a_mission_that_does_not_let_itself_be_ended_is_landed_all_the_same():
+    async def mission(drone):
+        await drone.takeoff()
+        while True:
+            try:
+                await drone.hover(5.0)
+            except (BehaviorFailedError, asyncio.CancelledError):
+                await asyncio.sleep(0.1)
+
+    async def fault(context):
+        await asyncio.sleep(4.0)
+        context.bus.fault.publish(Fault(context.now(), FaultKind.OFF_THE_LINE, "test"))
+
+    ending, context, autopilot = fly(mission, during=fault)
+    assert ending.reason == "off the line: test"
+    assert context.machine.phase is Phase.ABORTED
+    assert not autopilot.status.latest.armed
+
+
+def test_what_a_mission_leaves_behind_has_no_say_any_more():
+    left = []
+
+    async def mission(drone):
+        left.append(asyncio.create_task(drone.goto(1.0, 0.0, 1.5, check=False)))
+        await asyncio.sleep(1.0)
+
+    ending, context, autopilot = fly(mission)
+    assert ending.outcome is Outcome.GOAL_ACHIEVED
+    assert not autopilot.status.latest.armed
+    assert context.machine.phase is Phase.ABORTED
