@@ -8,6 +8,7 @@ from flightapp.behaviors.base import Context, Parameters, Result
 from flightapp.behaviors.motion import Flying
 from flightapp.config.fields import Finite
 from flightapp.messages import Outcome
+from flightapp.planning.geofence import Geofence
 from flightapp.planning.sway import RAMP_LEAST, Sway, sway, within
 from flightapp.trajectory import Trajectory
 
@@ -60,7 +61,10 @@ class Swaying(Flying[SwayingParameters]):
             return Result(Outcome.PROCESS_FAILURE, "the line was given up")
         now = context.now()
         here = line.motion(now)
-        self._flown = sway(now, here.position, here.yaw, self._way)
+        swaying = sway(now, here.position, here.yaw, self._way)
+        if out := Geofence.of(context.config.geofence).exit(swaying):
+            return Result(Outcome.PROCESS_FAILURE, f"no room to sway: {out}")
+        self._flown = swaying
         line.accept(self._flown)
         context.bus.trajectory.publish(self._flown)
         if not await self._rest():

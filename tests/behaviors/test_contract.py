@@ -153,6 +153,14 @@ def test_no_plan_is_a_failure():
     assert "no plan" in result.reason
 
 
+@pytest.mark.parametrize("name", ["goto", "follow", "sway"])
+def test_a_way_out_of_the_geofence_is_a_failure(name):
+    world = ready(name, geofence__corners=((-2.0, -5.0), (0.25, 5.0)))
+    result = run(world, made(name, world))
+    assert result.outcome is Outcome.PROCESS_FAILURE, result
+    assert "geofence" in result.reason
+
+
 @pytest.mark.parametrize("name", [*FLOWN, *GROUND])
 def test_its_time_is_over(name):
     world = ready(name, Deaf())
