@@ -11,6 +11,8 @@ from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
 from flightapp.messages import GateEstimate, GateSighting, ImuSample, PoseSample, Sightings, VehicleState
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.answer import Answerer
+from flightapp.planning.braking import Brakes
+from flightapp.planning.geofence import Geofence
 from flightapp.planning.goal import Goal
 from flightapp.planning.pacing import Pace, paced
 from flightapp.sensors.intake import PoseIntake
@@ -85,3 +87,7 @@ def _decide(config: Config, spare: Modules, request: PlanRequest, trajectory: Tr
     stamp, moving = trajectory.stamp, replace(request.start, velocity=AHEAD)
     next(pacer.offers(trajectory, replace(request, start=moving), SLOWED))
     paced(trajectory, 0.0, Pace(stamp, 1.0, SLOWED, trajectory.duration), stamp)
+    Brakes(config).brake(trajectory, stamp, request.limits)
+    fence = Geofence.of(config.geofence)
+    fence.outside(AHEAD)
+    fence.exit(trajectory)
