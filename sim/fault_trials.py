@@ -175,9 +175,9 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
     },
     Kind.NO_COMMAND: {Stage.FLYING: Trial(_one("loop_stall", 0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))},
     Kind.OVERLOAD: _later(
-        _each(_one("loop_busy", LASTING), 2.2),
-        takeoff=Trial(_for_a_while("loop_busy", 1.2), 1.5, before_end=0.5),
-        flying=Trial(_one("compute_slow", 60.0), 1.2),
+        _each(_one("loop_busy", LASTING), 3.4),
+        takeoff=Trial(_for_a_while("loop_busy", 2.4), 2.7, before_end=0.5),
+        flying=Trial(_one("compute_slow", 60.0), 2.2),
     ),
     Kind.DISK_FULL: _each(_one("disk_full", 10.0), 0.6),
     Kind.LOG_FAILING: _each(_one("log_failing", LASTING), 0.8),

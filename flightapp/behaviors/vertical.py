@@ -22,6 +22,8 @@ STEADY = 0.25
 """m/s, vertical speed of a hover."""
 STEADY_TIME = 0.7
 """s"""
+HEARD_AGAIN = 1.0
+"""s for which an autopilot that was silent must be heard before anything is asked of it."""
 ARM_PATIENCE = 8.0
 """s during which arming is tried again."""
 ARM_AGAIN = 0.5
@@ -92,8 +94,7 @@ class Takeoff(Behavior[TakeoffParameters]):
         autopilot, machine = self.context.autopilot, self.context.machine
         machine.go(Phase.PREFLIGHT, self.context.now(), "takeoff asked for")
         status = Reader(autopilot.status)
-        while (latest := autopilot.status.latest) is None or not latest.ready:
-            await status.newest()
+        await self._wait_until_ready(status)
         ground = self.context.bus.state.latest or await self.context.bus.state.next()
         self._ground = float(ground.position[2])
         self.context.release_guard()
@@ -115,6 +116,18 @@ class Takeoff(Behavior[TakeoffParameters]):
         if self.context.machine.phase is Phase.PREFLIGHT:
             target = Phase.ARMED if self._is_armed() else Phase.IDLE
             self.context.machine.go(target, self.context.now(), "the takeoff was broken off")
+
+    async def _wait_until_ready(self, status: Reader[AutopilotStatus]) -> None:
+        """Until the autopilot has a position, and has been heard for a while where it was silent."""
+        lost = self.context.config.link.lost_after
+        while True:
+            latest = self.context.autopilot.status.latest
+            silent = latest is not None and self.context.now() - latest.stamp > lost
+            if latest is not None and latest.ready and not silent:
+                return
+            await status.newest()
+            if silent:
+                await asyncio.sleep(HEARD_AGAIN)
 
     def _is_armed(self) -> bool:
         status = self.context.autopilot.status.latest

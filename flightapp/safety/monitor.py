@@ -14,6 +14,8 @@ OURS = frozenset({FlightMode.LAND, FlightMode.DESCEND, FlightMode.TAKEOFF, Fligh
 """Modes that the application asks for, or that PX4 falls back to after that."""
 LYING = 0.3
 """m/s, slower than this the vehicle does not move."""
+OVERLOADED = 1.1
+"""s of overload: ticks are counted by the second, and one bad second (finding the link, say) is none."""
 STARTUP = 5.0
 """s that the first image may take."""
 
@@ -128,9 +130,9 @@ def conditions(config: Config, gates: bool) -> tuple[Condition, ...]:
         Condition(FaultKind.TIPPED_OVER, own.tipped, 0.5),
         Condition(FaultKind.BATTERY_LOW, own.battery_low, 1.0, math.inf),
         Condition(FaultKind.BATTERY_CRITICAL, own.battery_critical, 1.0, math.inf),
-        Condition(FaultKind.LINK_LOST, own.link),
+        Condition(FaultKind.LINK_LOST, own.link, clear=0.0),
         Condition(FaultKind.TAKEN_OVER, own.pilot, 0.1, math.inf),
-        Condition(FaultKind.OVERLOAD, own.overload, 0.2, 1.0),
+        Condition(FaultKind.OVERLOAD, own.overload, OVERLOADED, 1.0),
         Condition(FaultKind.DISK_FULL, own.disk),
         Condition(FaultKind.LOG_FAILING, own.log, 0.0, math.inf),
         Condition(FaultKind.CLOCK_JUMP, own.clock, 0.0, 1.0),

@@ -114,8 +114,9 @@ TABLE: Mapping[FaultKind, Row] = {
     FaultKind.LINK_LOST: _row(
         "Nothing was heard of the autopilot for link.lost_after.",
         "No command may be sent to a vehicle whose mode is not known. PX4 lands by itself when commands end"
-        " (COM_OF_LOSS_T); it is asked to as soon as it can be heard.",
-        REFUSE, LAND, LAND, CONTINUE,
+        " (COM_OF_LOSS_T); it is asked to as soon as it can be heard. On the ground a takeoff waits until then: an"
+        " autopilot that boots is silent for a while.",
+        CONTINUE, LAND, LAND, CONTINUE,
     ),
     FaultKind.TAKEN_OVER: _row(
         "The autopilot has left the mode that was asked for by another hand than ours, or was disarmed.",

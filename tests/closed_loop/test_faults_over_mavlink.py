@@ -128,7 +128,7 @@ def test_a_pilot_who_takes_over_is_left_alone(tmp_path):
         assert seen.messages["COMMAND_LONG"] == before.messages["COMMAND_LONG"], "nothing is asked for"
         assert seen.messages["ODOMETRY"] > before.messages["ODOMETRY"] + 40, "the pilot's position mode needs it"
         assert {m.mode for m in flight.moments if taken + 0.1 < m.stamp} == {"POSCTL", "AUTO_LAND"}
-        assert "PROCESS_FAILURE: no command: the vehicle was taken over: mode position" in flight.text()
+        assert "PROCESS_FAILURE: pilot takeover: the vehicle was taken over: mode position" in flight.text()
 
 
 def test_a_pilot_who_takes_over_in_the_climb_is_left_alone(tmp_path):
