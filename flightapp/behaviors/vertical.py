@@ -249,7 +249,7 @@ class Land(Behavior[Parameters]):
         landing = False
         while (latest := await status.newest()).armed:
             landing |= latest.mode in LANDING
-            # On the ground PX4 may go back to its mode from before the landing a moment before it tells of the disarming.
+            # On the ground PX4 may return to the mode before the landing just before it tells of the disarming.
             if landing and latest.mode not in LANDING and not latest.landed:
                 return Result(Outcome.WRONG_PROGRESS, f"the autopilot left the landing for its mode {latest.mode}")
         if machine.phase is not Phase.ABORTED:
