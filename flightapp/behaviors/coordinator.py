@@ -231,16 +231,24 @@ class Coordinator:
                 needed = find("behaviors", name)(self._context)
                 if needed.refusal():
                     break
-                result = await self.run(needed)
-                if not result.achieved:
+                if not (result := await self.run(needed)).achieved:
                     return Result(result.outcome, f"it needs {name}, which ended: {result.reason}")
-            if (refused := await self._stop_lower(behavior)) is not None:  # others may have begun meanwhile
-                return refused
+        elif behavior.missing():
+            await self._wait_for_inputs(behavior)
+        if (refused := await self._stop_lower(behavior)) is not None:  # others may have begun meanwhile
+            return refused
         if self._over:
             return Result(Outcome.INTERRUPTED, "refused: the mission is over")
         if refusal := behavior.refusal():
             return Result(Outcome.PROCESS_FAILURE, refusal)
         return None
+
+    async def _wait_for_inputs(self, behavior: AnyBehavior) -> None:
+        """Give what is missing a moment to come: after a stall of the process it is on its way."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(INPUT_PATIENCE):
+                while behavior.missing():
+                    await self._context.bus.state.next()
 
     async def _stop_lower(self, behavior: AnyBehavior) -> Result | None:
         while conflicts := [a for a in self._active if not a.done and _conflict(a.behavior, behavior)]:
