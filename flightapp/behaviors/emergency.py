@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+from collections.abc import Awaitable, Callable
 
 from flightapp.autopilot.guard import SETTLE
 from flightapp.behaviors.base import Behavior, Context, Parameters, Result
@@ -45,24 +46,50 @@ class Emergency(Behavior[Parameters]):
         context.bus.goal.publish(None)
         context.line.clear()
         await heard(context)
-        status, asked = Reader(context.autopilot.status), False
-        while not down(latest := context.autopilot.status.latest):
-            if latest is not None and latest.mode in PILOTED:
-                return Result(Outcome.WRONG_PROGRESS, f"a pilot flies: mode {latest.mode}")
-            # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
-            if not asked:
-                try:
-                    await context.autopilot.land()
-                    asked = True
-                except AutopilotError as error:
-                    context.bus.event.publish(Event(context.now(), "fault", str(error)))
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(ASK_AGAIN):
-                    await status.newest()
+        if why := await land_until_down(context, lambda: piloted(context)):
+            return Result(Outcome.WRONG_PROGRESS, why)
         return Result(Outcome.GOAL_ACHIEVED, "disarmed")
 
     def stopped(self) -> None:
         """Nothing: the autopilot goes on landing."""
+
+
+async def land_until_down(
+    context: Context, hands_off: Callable[[], str], tipped: Callable[[], bool] = lambda: False
+) -> str:
+    """Ask for the landing, again while nobody answers, until the motors are off or ``hands_off`` has a reason.
+
+    Where it has ``tipped`` over its motors are stopped instead. Returns that reason; empty where the motors are off.
+    """
+    autopilot, status, landing = context.autopilot, Reader(context.autopilot.status), False
+    while not down(autopilot.status.latest):
+        if why := hands_off():
+            return why
+        if tipped():
+            await _ask(context, autopilot.kill)
+        elif not landing:
+            # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
+            landing = await _ask(context, autopilot.land)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(ASK_AGAIN):
+                await status.newest()
+    return ""
+
+
+async def _ask(context: Context, what: Callable[[], Awaitable[None]]) -> bool:
+    """Whether the autopilot does it; what it answers otherwise is logged."""
+    try:
+        await what()
+    except AutopilotError as error:
+        context.bus.event.publish(Event(context.now(), "fault", str(error)))
+        return False
+    return True
+
+
+def piloted(context: Context) -> str:
+    """That a pilot flies; empty where none does."""
+    latest = context.autopilot.status.latest
+    return f"a pilot flies: mode {latest.mode}" if latest is not None and latest.mode in PILOTED else ""
 
 
 async def heard(context: Context) -> None:

@@ -50,7 +50,8 @@ def back_substitute(L: Vector, b: Vector) -> None:
 
 
 @fused
-def _cost(H: Vector, g: Vector, x: Vector) -> float:
+def cost(H: Vector, g: Vector, x: Vector) -> float:
+    """½ xᵀ ``H`` x + ``g``ᵀ x, of (n, n), (n,) and (n,)."""
     total, n = 0.0, x.shape[0]
     for i in range(n):
         row = 0.0
@@ -78,14 +79,14 @@ def _free(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vect
 @fused
 def _move(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vector, tried: Vector) -> bool:
     """Go along ``step`` and back into the bounds, as far as that pays; whether the whole step was within them."""
-    before, share, n = _cost(H, g, x), 1.0, x.shape[0]
+    before, share, n = cost(H, g, x), 1.0, x.shape[0]
     for _ in range(HALVINGS):
         whole = share == 1.0
         for i in range(n):
             wanted = x[i] - share * step[i]
             tried[i] = min(max(wanted, low[i]), high[i])
             whole = whole and tried[i] == wanted
-        if whole or _cost(H, g, tried) < before:
+        if whole or cost(H, g, tried) < before:
             for i in range(n):
                 x[i] = tried[i]
             return whole

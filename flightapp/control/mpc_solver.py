@@ -7,7 +7,7 @@ Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal f
 
 import math
 
-from flightapp.control.box_qp import answer, minimise
+from flightapp.control.box_qp import answer, cost, minimise
 from flightapp.control.mpc_cost import add_state_cost, input_cost, input_weights, state_cost
 from flightapp.control.mpc_model import INPUTS, TANGENT, difference, linearise, pull_back, step
 from flightapp.control.mpc_work import Work
@@ -72,12 +72,13 @@ def _try(p: Parameters, work: Work, share: float, push: Triple) -> float:
 
 
 @fused
-def _accept(work: Work) -> None:
-    for k in range(work.u.shape[0]):
-        for i in range(INPUTS):
-            work.u[k, i] = work.tried_u[k, i]
-        for i in range(work.x.shape[1]):
-            work.x[k + 1, i] = work.tried_x[k + 1, i]
+def accept(u: Vector, x: Vector, tried_u: Vector, tried_x: Vector) -> None:
+    """Plan on from what was tried: inputs ``u`` (n, …) and states ``x`` (n + 1, …), the first of which stays."""
+    for k in range(u.shape[0]):
+        for i in range(u.shape[1]):
+            u[k, i] = tried_u[k, i]
+        for i in range(x.shape[1]):
+            x[k + 1, i] = tried_x[k + 1, i]
 
 
 @fused
@@ -106,13 +107,7 @@ def _improve(p: Parameters, work: Work, k: int) -> float:
     feed = work.feed[k]
     if not minimise(H, slope, low, high, feed, work.lines[1], work.small[4:8], work.lines[2:4]):
         return math.nan
-    gain = 0.0
-    for i in range(INPUTS):
-        row = slope[i]
-        for m in range(INPUTS):
-            row += 0.5 * H[i, m] * feed[m]
-        gain += feed[i] * row
-    return gain
+    return cost(H, slope, feed)
 
 
 @fused
@@ -152,7 +147,7 @@ def plan(work: Work, push: Triple, iterations: int) -> int:
         for share in SHARES:
             tried = _try(p, work, share, push)
             if tried < cost:
-                _accept(work)
+                accept(work.u, work.x, work.tried_u, work.tried_x)
                 cost, better = tried, True
                 break
         if not better:

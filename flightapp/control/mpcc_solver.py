@@ -6,11 +6,11 @@ rate at the end of each step, towards which it goes evenly. It touches the vehic
 
 import math
 
-from flightapp.control.box_qp import answer, minimise
+from flightapp.control.box_qp import answer, cost, minimise
 from flightapp.control.mpc_cost import input_cost, input_weights
 from flightapp.control.mpc_model import INPUTS as DRIVEN
 from flightapp.control.mpc_model import difference, linearise, pull_back, step
-from flightapp.control.mpc_solver import NO_PROGRESS, NOT_FINITE, PLANNED, SETTLED
+from flightapp.control.mpc_solver import NO_PROGRESS, NOT_FINITE, PLANNED, SETTLED, accept
 from flightapp.control.mpcc_cost import add_state_cost, state_cost
 from flightapp.control.mpcc_horizon import contour_from
 from flightapp.control.mpcc_work import INPUTS, PROGRESS, TANGENT, Contour, ContourWork
@@ -84,15 +84,6 @@ def _try(p: Parameters, c: Contour, work: ContourWork, share: float, push: Tripl
 
 
 @fused
-def _accept(work: ContourWork) -> None:
-    for k in range(work.u.shape[0]):
-        for i in range(INPUTS):
-            work.u[k, i] = work.tried_u[k, i]
-        for i in range(work.x.shape[1]):
-            work.x[k + 1, i] = work.tried_x[k + 1, i]
-
-
-@fused
 def _pull_back(work: ContourWork, grid: Vector, rows: Vector, count: int, out: Vector) -> None:
     """``out`` (20, count) = Fᵀ ``rows`` (15, count), where F (15, 20) are a step's derivatives by state and input."""
     pull_back(work.changes, grid, rows[PROGRESS:], count, out[PROGRESS:])
@@ -138,13 +129,7 @@ def _improve(p: Parameters, c: Contour, work: ContourWork, k: int) -> float:
     feed = work.feed[k]
     if not minimise(H, slope, low, high, feed, work.lines[1], work.small[INPUTS : 2 * INPUTS], work.lines[2:4]):
         return math.nan
-    gain = 0.0
-    for i in range(INPUTS):
-        row = slope[i]
-        for m in range(INPUTS):
-            row += 0.5 * H[i, m] * feed[m]
-        gain += feed[i] * row
-    return gain
+    return cost(H, slope, feed)
 
 
 @fused
@@ -182,7 +167,7 @@ def plan(work: ContourWork, push: Triple, iterations: int) -> int:
         for share in SHARES:
             tried = _try(p, c, work, share, push)
             if tried < cost:
-                _accept(work)
+                accept(work.u, work.x, work.tried_u, work.tried_x)
                 cost, better = tried, True
                 break
         if not better:

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,17 +13,8 @@ from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config
 from flightapp.frames import Vector, quat_from_yaw
-from flightapp.messages import (
-    AutopilotStatus,
-    Event,
-    FlightMode,
-    ImuSample,
-    Outcome,
-    Phase,
-    PoseSample,
-    RateCommand,
-    VehicleState,
-)
+from flightapp.interfaces import Autopilot
+from flightapp.messages import AutopilotStatus, FlightMode, Outcome, Phase, VehicleState
 from flightapp.mission.drone import BehaviorFailedError, Drone
 from flightapp.mission.loader import MissionError, MissionFile
 from flightapp.mission.machine import NEXT, MissionMachine
@@ -51,46 +42,11 @@ class Rehearsed:
 
 
 class NullAutopilot:
-    """A vehicle that is ready, full of charge, and does nothing."""
+    """A vehicle that is ready and full of charge. No behavior runs, so that nothing is ever asked of it."""
 
     def __init__(self) -> None:
         self.status: Topic[AutopilotStatus] = Topic("status")
-        self.imu: Topic[ImuSample] = Topic("imu")
-        self.notices: Topic[Event] = Topic("notices")
         self.status.publish(AutopilotStatus(0.0, FlightMode.HOLD, False, True, True, 16.0, 1.0))
-
-    async def connect(self) -> None:
-        """Nothing."""
-
-    async def takeoff(self, height: float) -> None:
-        """Nothing."""
-
-    async def arm(self) -> None:
-        """Nothing."""
-
-    async def disarm(self) -> None:
-        """Nothing."""
-
-    async def kill(self) -> None:
-        """Nothing."""
-
-    async def hold(self) -> None:
-        """Nothing."""
-
-    async def land(self) -> None:
-        """Nothing."""
-
-    async def start_offboard(self) -> None:
-        """Nothing."""
-
-    def send(self, command: RateCommand) -> None:
-        """Nothing."""
-
-    def send_pose(self, sample: PoseSample) -> None:
-        """Nothing."""
-
-    async def close(self) -> None:
-        """Nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +124,7 @@ def rehearse(mission: MissionFile, config: Config, track: Track) -> tuple[list[R
     async def main() -> tuple[list[Rehearsed], Result]:
         bus = Bus()
         machine = MissionMachine(bus.phase, bus.event)
-        context = Context(bus, config, NullAutopilot(), Line(), machine, track, lambda: None)
+        context = Context(bus, config, cast(Autopilot, NullAutopilot()), Line(), machine, track, lambda: None)
         prompter = Prompter(context)
         try:
             async with asyncio.timeout(WAITING):

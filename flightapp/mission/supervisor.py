@@ -12,9 +12,9 @@ from typing import Any
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.behaviors.base import Context
 from flightapp.behaviors.coordinator import LETTING_GO, Coordinator
-from flightapp.behaviors.emergency import ASK_AGAIN, PILOTED, down, heard
+from flightapp.behaviors.emergency import heard, land_until_down, piloted
 from flightapp.channel import Reader
-from flightapp.interfaces import Autopilot, AutopilotError
+from flightapp.interfaces import Autopilot
 from flightapp.messages import Event, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
 from flightapp.mission.loader import MissionError
@@ -167,47 +167,30 @@ class Supervisor:
         patience = context.config.mission.land_timeout
         try:
             async with asyncio.timeout(patience):
-                await self._seedown(context.autopilot)
+                await self._see_down()
             await asyncio.sleep(LAST_WORDS)
         except TimeoutError:
             self._event(f"landing not confirmed: not disarmed within {patience:g} s")
         except Exception as error:  # the autopilot's own failsafe is what is left
             self._event(f"landing not confirmed: {type(error).__name__}: {error}")
 
-    async def _seedown(self, autopilot: Autopilot) -> None:
+    async def _see_down(self) -> None:
         """Until the motors are off; the flight is recorded meanwhile."""
-        status, left, landing = Reader(autopilot.status), False, False
+        status, left = Reader(self._context.autopilot.status), False
         await heard(self._context)
-        while not down(autopilot.status.latest):
-            if why := self._hands_off():
-                if not left:
-                    self._event(f"{why}: nothing is asked of the autopilot until it has disarmed")
-                left = True
-            elif self._faults.gravest(Stage.LANDING)[0] is Reaction.KILL:
-                await self._ask(autopilot.kill)
-            elif not landing:
-                # Asked for even if it lands already: where its failsafe does that, commands that come again undo it.
-                landing = await self._ask(autopilot.land)
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(ASK_AGAIN):
-                    await status.newest()
+        while why := await land_until_down(self._context, self._hands_off, self._tipped):
+            if not left:
+                self._event(f"{why}: nothing is asked of the autopilot until it has disarmed")
+            left = True
+            await status.newest()
 
     def _hands_off(self) -> str:
         """Why nothing may be asked of the autopilot; empty where it may."""
-        latest = self._context.autopilot.status.latest
-        if latest is not None and latest.mode in PILOTED:
-            return f"a pilot flies: mode {latest.mode}"
         taken = self._guard.taken_over or self._faults.gravest(Stage.LANDING)[0] is Reaction.HAND_BACK
-        return "the vehicle was taken over" if taken else ""
+        return piloted(self._context) or ("the vehicle was taken over" if taken else "")
 
-    async def _ask(self, what: Callable[[], Awaitable[None]]) -> bool:
-        """Whether the autopilot does it; what it answers otherwise is logged."""
-        try:
-            await what()
-        except AutopilotError as error:
-            self._event(str(error))
-            return False
-        return True
+    def _tipped(self) -> bool:
+        return self._faults.gravest(Stage.LANDING)[0] is Reaction.KILL
 
     def _event(self, text: str) -> None:
         self._context.bus.event.publish(Event(self._context.now(), "fault", text))

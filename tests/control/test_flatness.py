@@ -60,10 +60,11 @@ def test_noise_of_a_tracking_camera_does_not_shake_it():
     assert race(5.0, noise=Noise(0.01, 0.05, 0.01, age=5)) < 0.01
 
 
+@pytest.mark.parametrize("by", [FlatnessController, MpcController])
 @pytest.mark.parametrize("roll", [0.5 * np.pi, np.pi], ids=["on its side", "upside down"])
-def test_it_recovers_from_a_tumble(roll):
+def test_it_recovers_from_a_tumble(roll, by):
     plant = LagPlant(Lags(), REST + np.array([0.0, 0.0, 5.0]), quat_from_euler(roll, 0.0, 0.0))
-    error, rows, _ = settle(plant, 8.0)
+    error, rows, _ = settle(plant, 8.0, by=by)
     assert error[-1] < 0.05
     assert rows[:, 2].min() > 1.0
 
