@@ -17,6 +17,7 @@ from flightapp.autopilot.doctor import changes, examine, mend, mended, visit
 from flightapp.autopilot.parameters import Verdict
 from flightapp.autopilot.telemetry import Identity
 from flightapp.autopilot.wanted_parameters import Profile
+from flightapp.commands import doctor as doctor_command
 from flightapp.config import Config, load_config
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import AutopilotError
@@ -344,7 +345,7 @@ async def test_json_has_every_parameter_and_its_reason():
 )
 def test_the_command(monkeypatch, tmp_path, spoilt, arguments, answer, status, written):
     vehicle = FakeVehicle(good_values() | spoilt)
-    monkeypatch.setattr(cli, "Px4Link", lambda config: vehicle)
+    monkeypatch.setattr(doctor_command, "Px4Link", lambda config: vehicle)
     result = CliRunner().invoke(cli.cli, ["doctor", *arguments], input=answer)
     assert result.exit_code == status, result.output
     assert len(vehicle.written) == written
@@ -354,7 +355,7 @@ def test_the_command(monkeypatch, tmp_path, spoilt, arguments, answer, status, w
 
 def test_the_command_takes_connection_profile_and_json(monkeypatch, tmp_path):
     vehicle, seen = FakeVehicle(good_values(profile=Profile.PILOT)), []
-    monkeypatch.setattr(cli, "Px4Link", lambda config: seen.append(config.link.connection) or vehicle)
+    monkeypatch.setattr(doctor_command, "Px4Link", lambda config: seen.append(config.link.connection) or vehicle)
     out = tmp_path / "found.json"
     arguments = ["doctor", "--connect", "udpin://127.0.0.1:24999", "--profile", "pilot", "--json", str(out)]
     assert CliRunner().invoke(cli.cli, arguments).exit_code == 0
