@@ -1,7 +1,8 @@
 """Finding modules by name: entry points, so that another package can add one."""
 
 import difflib
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoints, entry_points
 from typing import Any
 
 from flightapp.inputs import BadInputError
@@ -9,7 +10,7 @@ from flightapp.inputs import BadInputError
 
 def find(kind: str, name: str) -> Any:
     """The entry point ``name`` of the group ``flightapp.<kind>``, loaded; raises `BadInputError`."""
-    group = entry_points(group=f"flightapp.{kind}")
+    group = _installed(kind)
     for entry in group:
         if entry.name == name:
             try:
@@ -22,3 +23,9 @@ def find(kind: str, name: str) -> Any:
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f"did you mean '{close[0]}'? " if close else ""
     raise BadInputError(f"there is no '{name}' among the {kind}; {hint}known: {', '.join(known)}")
+
+
+@cache
+def _installed(kind: str) -> EntryPoints:
+    """The group's entry points; to seek them reads the metadata of every package there is."""
+    return entry_points(group=f"flightapp.{kind}")
