@@ -202,7 +202,6 @@ def undisturbed() -> Iterator[None]:
     """
     interval = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_INTERVAL)
-    gc.collect()
     gc.freeze()
     gc.disable()
     try:
