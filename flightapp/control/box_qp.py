@@ -1,6 +1,7 @@
 """Small quadratic programs with bounds, by projected Newton steps.
 
-After Y. Tassa, N. Mansard and E. Todorov, "Control-limited differential dynamic programming" (2014).
+After Y. Tassa, N. Mansard and E. Todorov, "Control-limited differential dynamic programming" (2014). Sizes are
+arguments: where they are constants the compiler writes out what they count.
 """
 
 import math
@@ -14,12 +15,11 @@ HALVINGS = 8
 
 
 @fused
-def _factorise(H: Vector, free: Vector, L: Vector) -> bool:
+def _factorise(H: Vector, free: Vector, L: Vector, n: int) -> bool:
     """Cholesky factor ``L`` of the rows and columns of ``H`` that are free, identity elsewhere; False if there is none.
 
     Its diagonal is inverted.
     """
-    n = free.shape[0]
     for j in range(n):
         for i in range(j, n):
             held = free[i] == 0.0 or free[j] == 0.0
@@ -36,9 +36,8 @@ def _factorise(H: Vector, free: Vector, L: Vector) -> bool:
 
 
 @fused
-def back_substitute(L: Vector, b: Vector) -> None:
+def _back_substitute(L: Vector, b: Vector, n: int) -> None:
     """Solve L Lᵀ x = ``b`` (n,) in place; the diagonal of ``L`` is inverted."""
-    n = b.shape[0]
     for i in range(n):
         for k in range(i):
             b[i] -= L[i, k] * b[k]
@@ -50,9 +49,9 @@ def back_substitute(L: Vector, b: Vector) -> None:
 
 
 @fused
-def cost(H: Vector, g: Vector, x: Vector) -> float:
+def cost(H: Vector, g: Vector, x: Vector, n: int) -> float:
     """½ xᵀ ``H`` x + ``g``ᵀ x, of (n, n), (n,) and (n,)."""
-    total, n = 0.0, x.shape[0]
+    total = 0.0
     for i in range(n):
         row = 0.0
         for k in range(n):
@@ -62,9 +61,9 @@ def cost(H: Vector, g: Vector, x: Vector) -> float:
 
 
 @fused
-def _free(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vector, free: Vector) -> bool:
+def _free(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vector, free: Vector, n: int) -> bool:
     """Gradient at ``x`` into ``step``, and which of ``x`` no bound holds; whether these are others than before."""
-    changed, n = False, x.shape[0]
+    changed = False
     for i in range(n):
         slope = g[i]
         for k in range(n):
@@ -77,16 +76,16 @@ def _free(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vect
 
 
 @fused
-def _move(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vector, tried: Vector) -> bool:
+def _move(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vector, tried: Vector, n: int) -> bool:
     """Go along ``step`` and back into the bounds, as far as that pays; whether the whole step was within them."""
-    before, share, n = cost(H, g, x), 1.0, x.shape[0]
+    before, share = cost(H, g, x, n), 1.0
     for _ in range(HALVINGS):
         whole = share == 1.0
         for i in range(n):
             wanted = x[i] - share * step[i]
             tried[i] = min(max(wanted, low[i]), high[i])
             whole = whole and tried[i] == wanted
-        if whole or cost(H, g, tried) < before:
+        if whole or cost(H, g, tried, n) < before:
             for i in range(n):
                 x[i] = tried[i]
             return whole
@@ -95,66 +94,26 @@ def _move(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, step: Vect
 
 
 @fused
-def minimise(H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, free: Vector, L: Vector, room: Vector) -> bool:
+def minimise(
+    H: Vector, g: Vector, low: Vector, high: Vector, x: Vector, free: Vector, L: Vector, room: Vector, n: int
+) -> bool:
     """Minimise ½ xᵀ ``H`` x + ``g``ᵀ x within ``low`` ≤ x ≤ ``high``, each (n,) or (n, n).
 
-    ``x`` gets the minimum, ``free`` 1 where no bound holds it, ``L`` the factor of the free rows and columns of ``H``
-    (`back_substitute`); ``room`` is (2, n). False where ``H`` is not positive definite.
+    ``x`` gets the minimum, ``free`` 1 where no bound holds it, ``L`` the factor of the free rows and columns of ``H``,
+    its diagonal inverted; ``room`` is (2, n). False where ``H`` is not positive definite.
     """
-    step, tried, n = room[0], room[1], x.shape[0]
+    step, tried = room[0], room[1]
     for i in range(n):
         x[i], free[i] = min(max(0.0, low[i]), high[i]), -1.0
     settled = False
     for _ in range(STEPS):
-        changed = _free(H, g, low, high, x, step, free)
+        changed = _free(H, g, low, high, x, step, free, n)
         if settled and not changed:
             return True
-        if changed and not _factorise(H, free, L):
+        if changed and not _factorise(H, free, L, n):
             return False
         for i in range(n):
             step[i] *= free[i]
-        back_substitute(L, step)
-        settled = _move(H, g, low, high, x, step, tried)
+        _back_substitute(L, step, n)
+        settled = _move(H, g, low, high, x, step, tried, n)
     return True
-
-
-@fused
-def answer(full: Vector, half: Vector, L: Vector, free: Vector, feed: Vector, gains: Vector, value: Vector) -> None:
-    """How a free input answers to changes of a state, and what the state is then worth: a step of Riccati's recursion.
-
-    ``full`` (n + m, n + m) is the second derivative by state and input, ``half`` (n + m, n + 1) has the first as its
-    last column, ``L`` (m, m) factorises the inputs' own part where they are ``free`` (m,), and ``feed`` (m,) is the
-    inputs' best change. ``gains`` (m, n) and ``value`` (n, n + 1), the second derivative and the first, are filled.
-    """
-    inputs, states = gains.shape
-    _solve(full, L, free, gains)
-    for i in range(states):
-        slope = half[i, states]
-        for c in range(states):
-            value[i, c] = full[i, c]
-        for m in range(inputs):
-            q = full[states + m, i]
-            slope += q * feed[m]
-            for c in range(states):
-                value[i, c] += q * gains[m, c]
-        value[i, states] = slope
-
-
-@fused
-def _solve(full: Vector, L: Vector, free: Vector, gains: Vector) -> None:
-    """``gains`` (m, n) of `answer`."""
-    inputs, states = gains.shape
-    for i in range(inputs):
-        for c in range(states):
-            gains[i, c] = -free[i] * full[states + i, c]
-        for m in range(i):
-            for c in range(states):
-                gains[i, c] -= L[i, m] * gains[m, c]
-        for c in range(states):
-            gains[i, c] *= L[i, i]
-    for i in range(inputs - 1, -1, -1):
-        for m in range(i + 1, inputs):
-            for c in range(states):
-                gains[i, c] -= L[m, i] * gains[m, c]
-        for c in range(states):
-            gains[i, c] *= L[i, i]

@@ -10,6 +10,7 @@ the acceleration that they make at the reference's thrust.
 import math
 
 from flightapp.control.parameters import Parameters
+from flightapp.control.riccati import WIDE
 from flightapp.control.vectors import Triple, axes, dot
 from flightapp.frames import GRAVITY, Vector
 from flightapp.jit import fused
@@ -98,7 +99,7 @@ def _seen(body: tuple[Triple, Triple, Triple], r: Vector, first: int) -> Triple:
 
 @fused
 def add_state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: bool, value: Vector) -> None:
-    """Add the second derivative of `state_cost` to the first 13 columns of ``value`` (13, 14), the first to the last.
+    """Add the second derivative of `state_cost` to the first 13 columns of ``value`` (13 WIDE,), the first to the next.
 
     The second derivative is Gauss and Newton's: of residuals that are squared, the first derivatives alone.
     """
@@ -109,12 +110,12 @@ def add_state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: b
         pp = duration * kp * kp + end * kp * kd
         vv = duration * (kd * kd - 2.0 * kp) + end * kd
         i, k = axis, 3 + axis
-        value[i, i] += pp
-        value[k, k] += vv
-        value[i, k] += end * kp
-        value[k, i] += end * kp
-        value[i, 13] += pp * e + end * kp * d
-        value[k, 13] += vv * d + end * kp * e
+        value[i * WIDE + i] += pp
+        value[k * WIDE + k] += vv
+        value[i * WIDE + k] += end * kp
+        value[k * WIDE + i] += end * kp
+        value[i * WIDE + 13] += pp * e + end * kp * d
+        value[k * WIDE + 13] += vv * d + end * kp * e
     add_attitude_cost(p, x, r, duration, last, 1.0, value)
 
 
@@ -129,19 +130,19 @@ def add_attitude_cost(
     turn = lean(r)
     tilt = effort * turn * turn * (duration + end / p.attitude_gain)
     heading = HEADING * r[13] * (duration + end / p.yaw_gain)
-    value[6, 6] += tilt
-    value[7, 7] += tilt + heading
-    value[8, 8] += heading
-    value[6, 13] += tilt * z[1]
-    value[7, 13] += heading * h[2] - tilt * z[0]
-    value[8, 13] -= heading * h[1]
+    value[6 * WIDE + 6] += tilt
+    value[7 * WIDE + 7] += tilt + heading
+    value[8 * WIDE + 8] += heading
+    value[6 * WIDE + 13] += tilt * z[1]
+    value[7 * WIDE + 13] += heading * h[2] - tilt * z[0]
+    value[8 * WIDE + 13] -= heading * h[1]
     beyond = _tilt_cosine(p) - body[2][2]
     if beyond > 0.0:
         a, b = body[1][2], -body[0][2]
         limit = duration * TILT_LIMIT
-        value[6, 6] += limit * a * a
-        value[6, 7] += limit * a * b
-        value[7, 6] += limit * a * b
-        value[7, 7] += limit * b * b
-        value[6, 13] += limit * beyond * a
-        value[7, 13] += limit * beyond * b
+        value[6 * WIDE + 6] += limit * a * a
+        value[6 * WIDE + 7] += limit * a * b
+        value[7 * WIDE + 6] += limit * a * b
+        value[7 * WIDE + 7] += limit * b * b
+        value[6 * WIDE + 13] += limit * beyond * a
+        value[7 * WIDE + 13] += limit * beyond * b

@@ -9,6 +9,7 @@ axes), body rates and thrust; an input is three commanded body rates and the com
 from flightapp.control.foresight import model_acceleration
 from flightapp.control.parameters import Parameters
 from flightapp.control.prediction import lagged
+from flightapp.control.riccati import WIDE, places
 from flightapp.control.vectors import Triple, along, axes, dot, scaled, turned
 from flightapp.frames import Vector
 from flightapp.jit import fused
@@ -129,8 +130,8 @@ def linearise(p: Parameters, x: Vector, u: Vector, g: Vector, j: Vector) -> None
 
 
 @fused
-def pull_back(j: Vector, g: Vector, rows: Vector, count: int, out: Vector) -> None:
-    """``out`` (17, count) = Fᵀ ``rows`` (13, count), where F (13, 17) are a step's derivatives by state and input.
+def pull_back(j: Vector, g: Vector, rows: Vector, out: Vector) -> None:
+    """``out`` (17 WIDE,) = Fᵀ ``rows`` (13 WIDE,), where F (13, 17) are a step's derivatives by state and input.
 
     F is never written out: position and velocity change with the acceleration alone, and rates and thrust with the mean
     of what they were and are.
@@ -145,28 +146,28 @@ def pull_back(j: Vector, g: Vector, rows: Vector, count: int, out: Vector) -> No
     f0, f1, f2 = j[45], j[46], j[47]
     rate, yaw, lift = g[1], g[2], g[3]
     rate_mean, yaw_mean, lift_mean = 0.5 * (1.0 + rate), 0.5 * (1.0 + yaw), 0.5 * (1.0 + lift)
-    for c in range(count):
-        p0, p1, p2 = rows[0, c], rows[1, c], rows[2, c]
-        v0, v1, v2 = rows[3, c], rows[4, c], rows[5, c]
-        t0, t1, t2 = rows[6, c], rows[7, c], rows[8, c]
+    for c in range(places(rows, TANGENT)):
+        p0, p1, p2 = rows[c], rows[WIDE + c], rows[2 * WIDE + c]
+        v0, v1, v2 = rows[3 * WIDE + c], rows[4 * WIDE + c], rows[5 * WIDE + c]
+        t0, t1, t2 = rows[6 * WIDE + c], rows[7 * WIDE + c], rows[8 * WIDE + c]
         s0, s1, s2 = hh * p0 + h * v0, hh * p1 + h * v1, hh * p2 + h * v2
-        out[0, c], out[1, c], out[2, c] = p0, p1, p2
-        out[3, c] = h * p0 + v0 + a00 * s0 + a01 * s1 + a02 * s2
-        out[4, c] = h * p1 + v1 + a10 * s0 + a11 * s1 + a12 * s2
-        out[5, c] = h * p2 + v2 + a20 * s0 + a21 * s1 + a22 * s2
-        out[6, c] = b00 * s0 + b01 * s1 + b02 * s2 + d00 * t0 + d01 * t1 + d02 * t2
-        out[7, c] = b10 * s0 + b11 * s1 + b12 * s2 + d10 * t0 + d11 * t1 + d12 * t2
-        out[8, c] = b20 * s0 + b21 * s1 + b22 * s2 + d20 * t0 + d21 * t1 + d22 * t2
+        out[c], out[WIDE + c], out[2 * WIDE + c] = p0, p1, p2
+        out[3 * WIDE + c] = h * p0 + v0 + a00 * s0 + a01 * s1 + a02 * s2
+        out[4 * WIDE + c] = h * p1 + v1 + a10 * s0 + a11 * s1 + a12 * s2
+        out[5 * WIDE + c] = h * p2 + v2 + a20 * s0 + a21 * s1 + a22 * s2
+        out[6 * WIDE + c] = b00 * s0 + b01 * s1 + b02 * s2 + d00 * t0 + d01 * t1 + d02 * t2
+        out[7 * WIDE + c] = b10 * s0 + b11 * s1 + b12 * s2 + d10 * t0 + d11 * t1 + d12 * t2
+        out[8 * WIDE + c] = b20 * s0 + b21 * s1 + b22 * s2 + d20 * t0 + d21 * t1 + d22 * t2
         m0 = c00 * s0 + c01 * s1 + c02 * s2 + e00 * t0 + e01 * t1 + e02 * t2
         m1 = c10 * s0 + c11 * s1 + c12 * s2 + e10 * t0 + e11 * t1 + e12 * t2
         m2 = c20 * s0 + c21 * s1 + c22 * s2 + e20 * t0 + e21 * t1 + e22 * t2
-        w0, w1, w2, f = rows[9, c], rows[10, c], rows[11, c], rows[12, c]
-        out[9, c] = rate_mean * m0 + rate * w0
-        out[10, c] = rate_mean * m1 + rate * w1
-        out[11, c] = yaw_mean * m2 + yaw * w2
-        out[13, c] = (1.0 - rate_mean) * m0 + (1.0 - rate) * w0
-        out[14, c] = (1.0 - rate_mean) * m1 + (1.0 - rate) * w1
-        out[15, c] = (1.0 - yaw_mean) * m2 + (1.0 - yaw) * w2
+        w0, w1, w2, f = rows[9 * WIDE + c], rows[10 * WIDE + c], rows[11 * WIDE + c], rows[12 * WIDE + c]
+        out[9 * WIDE + c] = rate_mean * m0 + rate * w0
+        out[10 * WIDE + c] = rate_mean * m1 + rate * w1
+        out[11 * WIDE + c] = yaw_mean * m2 + yaw * w2
+        out[13 * WIDE + c] = (1.0 - rate_mean) * m0 + (1.0 - rate) * w0
+        out[14 * WIDE + c] = (1.0 - rate_mean) * m1 + (1.0 - rate) * w1
+        out[15 * WIDE + c] = (1.0 - yaw_mean) * m2 + (1.0 - yaw) * w2
         up = f0 * s0 + f1 * s1 + f2 * s2
-        out[12, c] = lift_mean * up + lift * f
-        out[16, c] = (1.0 - lift_mean) * up + (1.0 - lift) * f
+        out[12 * WIDE + c] = lift_mean * up + lift * f
+        out[16 * WIDE + c] = (1.0 - lift_mean) * up + (1.0 - lift) * f

@@ -7,15 +7,17 @@ Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal f
 
 import math
 
-from flightapp.control.box_qp import answer, cost, minimise
+from flightapp.control.box_qp import cost, minimise
 from flightapp.control.mpc_cost import add_state_cost, input_cost, input_weights, state_cost
 from flightapp.control.mpc_model import INPUTS, TANGENT, difference, linearise, pull_back, step
 from flightapp.control.mpc_work import Work
 from flightapp.control.parameters import Parameters, unpacked
+from flightapp.control.riccati import WIDE, answer, transpose
 from flightapp.control.vectors import Triple, axes, dot
 from flightapp.frames import Vector
 from flightapp.jit import fused, fused_kernel
 
+BOTH = TANGENT + INPUTS
 SHARES = (1.0, 0.25)
 """Of the best change that are tried, until one pays."""
 SETTLED = 1e-6
@@ -65,7 +67,7 @@ def _try(p: Parameters, work: Work, share: float, push: Triple) -> float:
         for i in range(INPUTS):
             wanted = work.u[k, i] + share * work.feed[k, i]
             for c in range(TANGENT):
-                wanted += gains[i, c] * work.difference[c]
+                wanted += gains[WIDE * i + c] * work.difference[c]
             work.tried_u[k, i] = _clipped(work, i, wanted)
         cost += _go(p, work, k, work.tried_x, work.tried_u, push)
     return cost
@@ -89,25 +91,23 @@ def _improve(p: Parameters, work: Work, k: int) -> float:
     """
     grid, u, full, half, across = work.grid[k], work.u[k], work.full, work.half, work.across
     linearise(p, work.x[k], u, grid, work.changes)
-    pull_back(work.changes, grid, work.value, work.value.shape[1], half)
-    for i in range(TANGENT):
-        for c in range(across.shape[1]):
-            across[i, c] = half[c, i]
-    pull_back(work.changes, grid, across, across.shape[1], full)
+    pull_back(work.changes, grid, work.value, half)
+    transpose(half, across, TANGENT, BOTH)
+    pull_back(work.changes, grid, across, full)
     turn, yaw, lift = input_weights(p, work.reference[k + 1])
     weights = (turn, turn, yaw, lift)
     H, low, high, slope = work.small[0:4], work.small[8], work.small[9], work.lines[0]
     for i in range(INPUTS):
         weight = grid[0] * weights[i]
-        slope[i] = half[TANGENT + i, TANGENT] + weight * (u[i] - work.wanted[k, i])
+        slope[i] = half[WIDE * (TANGENT + i) + TANGENT] + weight * (u[i] - work.wanted[k, i])
         low[i], high[i] = work.bounds[0, i] - u[i], work.bounds[1, i] - u[i]
         for m in range(INPUTS):
-            H[i, m] = full[TANGENT + i, TANGENT + m]
+            H[i, m] = full[WIDE * (TANGENT + i) + TANGENT + m]
         H[i, i] += weight
     feed = work.feed[k]
-    if not minimise(H, slope, low, high, feed, work.lines[1], work.small[4:8], work.lines[2:4]):
+    if not minimise(H, slope, low, high, feed, work.lines[1], work.small[4:8], work.lines[2:4], INPUTS):
         return math.nan
-    return cost(H, slope, feed)
+    return cost(H, slope, feed, INPUTS)
 
 
 @fused
@@ -116,12 +116,12 @@ def _backward(p: Parameters, work: Work) -> float:
     n, gain = work.u.shape[0], 0.0
     value = work.value
     for i in range(value.shape[0]):
-        for c in range(value.shape[1]):
-            value[i, c] = 0.0
+        value[i] = 0.0
     for k in range(n - 1, -1, -1):
         add_state_cost(p, work.x[k + 1], work.reference[k + 1], work.grid[k, 0], k == n - 1, value)
         gain += _improve(p, work, k)
-        answer(work.full, work.half, work.small[4:8], work.lines[1], work.feed[k], work.gains[k], value)
+        factor, free, feed, gains = work.small[4:8], work.lines[1], work.feed[k], work.gains[k]
+        answer(work.full, work.half, factor, free, feed, gains, value, TANGENT, INPUTS)
     return gain
 
 

@@ -8,6 +8,7 @@ from flightapp.control.mpc_cost import REFERENCE
 from flightapp.control.mpc_model import CHANGES, INPUTS, STATE, TANGENT
 from flightapp.control.parameters import Parameters
 from flightapp.control.prediction import remainder
+from flightapp.control.riccati import WIDE
 from flightapp.frames import Vector
 
 STEPS = 20
@@ -39,17 +40,17 @@ class Work(NamedTuple):
     feed: Vector
     """(n, 4) change of the inputs that is best, as far as the model is linear."""
     gains: Vector
-    """(n, 4, 13) and how the inputs answer to changes of the state."""
+    """(n, 4 WIDE) and how the inputs answer to changes of the state; matrices as in `riccati`, as are the next ones."""
     changes: Vector
     """(CHANGES,) derivatives of one step."""
     value: Vector
-    """(13, 14) second derivative of the cost to go by the state, and the first as the last column."""
+    """(13 WIDE,) second derivative of the cost to go by the state, and the first as the column after it."""
     half: Vector
-    """(17, 14) the same seen from before the step, by state and input, on one side."""
+    """(17 WIDE,) the same seen from before the step, by state and input, on one side."""
     across: Vector
-    """(13, 17) transposed."""
+    """(13 WIDE,) transposed."""
     full: Vector
-    """(17, 17) on both sides."""
+    """(17 WIDE,) on both sides."""
     small: Vector
     """(10, 4) of one input: second derivative, its factor, two bounds."""
     lines: Vector
@@ -64,8 +65,8 @@ def room(p: Parameters, grid: Vector) -> Work:
     sizes = (
         *((2, INPUTS), (n + 1, REFERENCE), (n, INPUTS), (n, INPUTS), (n, INPUTS)),
         *((n + 1, STATE), (n, INPUTS)) * 2,
-        *((n, INPUTS), (n, INPUTS, TANGENT), (CHANGES,)),
-        *((TANGENT, TANGENT + 1), (both, TANGENT + 1), (TANGENT, both), (both, both)),
+        *((n, INPUTS), (n, INPUTS * WIDE), (CHANGES,)),
+        *((TANGENT * WIDE,), (both * WIDE,), (TANGENT * WIDE,), (both * WIDE,)),
         *((10, INPUTS), (4, INPUTS), (TANGENT,)),
     )
     return Work._make([np.array(p), grid, *(np.zeros(size) for size in sizes)])

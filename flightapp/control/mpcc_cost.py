@@ -10,6 +10,7 @@ vehicle is.
 
 from flightapp.control.mpc_cost import add_attitude_cost, attitude_cost, position_gains
 from flightapp.control.parameters import Parameters
+from flightapp.control.riccati import WIDE
 from flightapp.frames import Vector
 from flightapp.jit import fused
 
@@ -68,7 +69,7 @@ def state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: bool)
 
 @fused
 def add_state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: bool, value: Vector) -> None:
-    """Add the second derivative of `state_cost` to the first 15 columns of ``value`` (15, 16), the first to the last.
+    """Add the second derivative of `state_cost` to the first 15 columns of ``value`` (15 WIDE,), the first to the next.
 
     The second derivative is Gauss and Newton's; what attitudes the line needs is taken for the same all around.
     """
@@ -82,39 +83,39 @@ def add_state_cost(p: Parameters, x: Vector, r: Vector, duration: float, last: b
         pv = end * kp
         i, k = 2 + axis, 5 + axis
         by_e, by_d = pp * e + pv * d, pv * e + vv * d
-        value[0, 15] -= by_time * by_e + bend * by_d
-        value[1, 15] -= by_time * by_d
-        value[i, 15] += by_e
-        value[k, 15] += by_d
-        value[i, i] += pp
-        value[k, k] += vv
+        value[15] -= by_time * by_e + bend * by_d
+        value[WIDE + 15] -= by_time * by_d
+        value[i * WIDE + 15] += by_e
+        value[k * WIDE + 15] += by_d
+        value[i * WIDE + i] += pp
+        value[k * WIDE + k] += vv
         _add_pair(value, i, k, pv)
         _add_pair(value, 0, i, -(by_time * pp + bend * pv))
         _add_pair(value, 0, k, -(by_time * pv + bend * vv))
         _add_pair(value, 1, i, -by_time * pv)
         _add_pair(value, 1, k, -by_time * vv)
-        value[0, 0] += by_time * by_time * pp + 2.0 * by_time * bend * pv + bend * bend * vv
+        value[0] += by_time * by_time * pp + 2.0 * by_time * bend * pv + bend * bend * vv
         _add_pair(value, 0, 1, by_time * by_time * pv + by_time * bend * vv)
-        value[1, 1] += by_time * by_time * vv
+        value[WIDE + 1] += by_time * by_time * vv
     _add_lag(p, x, r, duration, value)
-    add_attitude_cost(p, x[2:], r, duration, last, TILT, value[2:, 2:])
+    add_attitude_cost(p, x[2:], r, duration, last, TILT, value[2 * WIDE + 2 :])
 
 
 @fused
 def _add_pair(value: Vector, i: int, k: int, weight: float) -> None:
-    value[i, k] += weight
-    value[k, i] += weight
+    value[i * WIDE + k] += weight
+    value[k * WIDE + i] += weight
 
 
 @fused
 def _add_lag(p: Parameters, x: Vector, r: Vector, duration: float, value: Vector) -> None:
     lag, slope = _lag(x, r)
     weight = LAG * duration * p.kp_xy * p.kp_xy
-    value[0, 0] += weight * slope * slope
-    value[0, 15] += weight * slope * lag
+    value[0] += weight * slope * slope
+    value[15] += weight * slope * lag
     for i in range(3):
         t = weight * r[19 + i]
-        value[2 + i, 15] += t * lag
+        value[(2 + i) * WIDE + 15] += t * lag
         _add_pair(value, 0, 2 + i, t * slope)
         for k in range(3):
-            value[2 + i, 2 + k] += t * r[19 + k]
+            value[(2 + i) * WIDE + 2 + k] += t * r[19 + k]

@@ -6,7 +6,7 @@ rate at the end of each step, towards which it goes evenly. It touches the vehic
 
 import math
 
-from flightapp.control.box_qp import answer, cost, minimise
+from flightapp.control.box_qp import cost, minimise
 from flightapp.control.mpc_cost import input_cost, input_weights
 from flightapp.control.mpc_model import INPUTS as DRIVEN
 from flightapp.control.mpc_model import difference, linearise, pull_back, step
@@ -15,6 +15,7 @@ from flightapp.control.mpcc_cost import add_state_cost, state_cost
 from flightapp.control.mpcc_horizon import contour_from
 from flightapp.control.mpcc_work import INPUTS, PROGRESS, TANGENT, Contour, ContourWork
 from flightapp.control.parameters import Parameters, unpacked
+from flightapp.control.riccati import WIDE, answer, transpose
 from flightapp.control.vectors import Triple, axes, dot
 from flightapp.frames import Vector
 from flightapp.jit import fused, fused_kernel
@@ -77,21 +78,21 @@ def _try(p: Parameters, c: Contour, work: ContourWork, share: float, push: Tripl
         for i in range(INPUTS):
             wanted = work.u[k, i] + share * work.feed[k, i]
             for m in range(TANGENT):
-                wanted += work.gains[k, i, m] * change[m]
+                wanted += work.gains[k, WIDE * i + m] * change[m]
             work.tried_u[k, i] = _clipped(work, k, i, wanted)
         cost += _go(p, c, work, k, work.tried_x, work.tried_u, push)
     return cost
 
 
 @fused
-def _pull_back(work: ContourWork, grid: Vector, rows: Vector, count: int, out: Vector) -> None:
-    """``out`` (20, count) = Fᵀ ``rows`` (15, count), where F (15, 20) are a step's derivatives by state and input."""
-    pull_back(work.changes, grid, rows[PROGRESS:], count, out[PROGRESS:])
+def _pull_back(work: ContourWork, grid: Vector, rows: Vector, out: Vector) -> None:
+    """``out`` (20 WIDE,) = Fᵀ ``rows`` (15 WIDE,), where F (15, 20) are a step's derivatives by state and input."""
+    pull_back(work.changes, grid, rows[PROGRESS * WIDE :], out[PROGRESS * WIDE :])
     half = 0.5 * grid[0]
-    for i in range(count):
-        along = half * rows[0, i]
-        out[0, i], out[1, i] = rows[0, i], along
-        out[TANGENT + RATE, i] = along + rows[1, i]
+    for c in range(WIDE):
+        along = half * rows[c]
+        out[c], out[WIDE + c] = rows[c], along
+        out[(TANGENT + RATE) * WIDE + c] = along + rows[WIDE + c]
 
 
 @fused
@@ -102,34 +103,32 @@ def _improve(p: Parameters, c: Contour, work: ContourWork, k: int) -> float:
     """
     grid, x, u, full, half, across = work.grid[k], work.x[k], work.u[k], work.full, work.half, work.across
     linearise(p, x[PROGRESS:], u, grid, work.changes)
-    _pull_back(work, grid, work.value, TANGENT + 1, half)
-    for i in range(TANGENT):
-        for m in range(BOTH):
-            across[i, m] = half[m, i]
-    _pull_back(work, grid, across, BOTH, full)
+    _pull_back(work, grid, work.value, half)
+    transpose(half, across, TANGENT, BOTH)
+    _pull_back(work, grid, across, full)
     h, last = grid[0], TANGENT + RATE
     keep, change = c.steady / h, u[RATE] - x[1]
-    full[1, 1] += keep
-    full[1, last] -= keep
-    full[last, 1] -= keep
-    half[1, TANGENT] -= keep * change
+    full[WIDE + 1] += keep
+    full[WIDE + last] -= keep
+    full[WIDE * last + 1] -= keep
+    half[WIDE + TANGENT] -= keep * change
     turn, yaw, lift = input_weights(p, work.reference[k + 1])
     weights = (h * turn, h * turn, h * yaw, h * lift)
     H, low, high, slope = work.small[0:INPUTS], work.small[2 * INPUTS], work.small[2 * INPUTS + 1], work.lines[0]
     for i in range(INPUTS):
-        slope[i] = half[TANGENT + i, TANGENT]
+        slope[i] = half[WIDE * (TANGENT + i) + TANGENT]
         low[i], high[i] = work.bounds[k, 0, i] - u[i], work.bounds[k, 1, i] - u[i]
         for m in range(INPUTS):
-            H[i, m] = full[TANGENT + i, TANGENT + m]
+            H[i, m] = full[WIDE * (TANGENT + i) + TANGENT + m]
     for i in range(DRIVEN):
         slope[i] += weights[i] * (u[i] - work.wanted[k, i])
         H[i, i] += weights[i]
     slope[RATE] += keep * change - h * c.progress * (work.bounds[k, 1, RATE] - u[RATE])
     H[RATE, RATE] += keep + h * c.progress
-    feed = work.feed[k]
-    if not minimise(H, slope, low, high, feed, work.lines[1], work.small[INPUTS : 2 * INPUTS], work.lines[2:4]):
+    feed, factor = work.feed[k], work.small[INPUTS : 2 * INPUTS]
+    if not minimise(H, slope, low, high, feed, work.lines[1], factor, work.lines[2:4], INPUTS):
         return math.nan
-    return cost(H, slope, feed)
+    return cost(H, slope, feed, INPUTS)
 
 
 @fused
@@ -137,13 +136,12 @@ def _backward(p: Parameters, c: Contour, work: ContourWork) -> float:
     """The best changes of all inputs, from the last on; what they are expected to gain, NaN where there are none."""
     n, gain, value = work.u.shape[0], 0.0, work.value
     for i in range(value.shape[0]):
-        for m in range(value.shape[1]):
-            value[i, m] = 0.0
+        value[i] = 0.0
     for k in range(n - 1, -1, -1):
         add_state_cost(p, work.x[k + 1], work.reference[k + 1], work.grid[k, 0], k == n - 1, value)
         gain += _improve(p, c, work, k)
-        factor = work.small[INPUTS : 2 * INPUTS]
-        answer(work.full, work.half, factor, work.lines[1], work.feed[k], work.gains[k], value)
+        factor, free, feed, gains = work.small[INPUTS : 2 * INPUTS], work.lines[1], work.feed[k], work.gains[k]
+        answer(work.full, work.half, factor, free, feed, gains, value, TANGENT, INPUTS)
     return gain
 
 

@@ -11,6 +11,7 @@ from flightapp.control.mpc_model import STATE as BODY
 from flightapp.control.mpc_model import TANGENT as BODY_TANGENT
 from flightapp.control.mpcc_cost import REFERENCE
 from flightapp.control.parameters import Parameters
+from flightapp.control.riccati import WIDE
 from flightapp.frames import Vector
 
 PROGRESS = 2
@@ -98,8 +99,8 @@ def room(p: Parameters, contour: Contour, grid: Vector) -> ContourWork:
     sizes = (
         *((n, 2, INPUTS), (n + 1, REFERENCE), (n, DRIVEN), (n, DRIVEN), (n, DRIVEN), (n + 1,), (n + 1,)),
         *((n + 1, STATE), (n, INPUTS)) * 2,
-        *((n, INPUTS), (n, INPUTS, TANGENT), (CHANGES,)),
-        *((TANGENT, TANGENT + 1), (both, TANGENT + 1), (TANGENT, both), (both, both)),
+        *((n, INPUTS), (n, INPUTS * WIDE), (CHANGES,)),
+        *((TANGENT * WIDE,), (both * WIDE,), (TANGENT * WIDE,), (both * WIDE,)),
         *((2 * INPUTS + 2, INPUTS), (4, INPUTS), (TANGENT,)),
     )
     work = ContourWork._make([np.array(p), np.array(contour), np.ones(1), grid, *(np.zeros(size) for size in sizes)])

@@ -13,7 +13,7 @@ from flightapp.jit import kernel
 
 @kernel
 def solved(H, g, low, high, x):
-    return minimise(H, g, low, high, x, np.zeros(x.size), np.zeros(H.shape), np.zeros((2, x.size)))
+    return minimise(H, g, low, high, x, np.zeros(x.size), np.zeros(H.shape), np.zeros((2, x.size)), x.size)
 
 
 @given(st.integers(0, 10**6), st.integers(1, 5))

@@ -8,6 +8,7 @@ from flightapp.control.mpc import carry_on
 from flightapp.control.mpc_model import TANGENT
 from flightapp.control.mpc_solver import PLANNED, plan
 from flightapp.control.mpc_work import STEPS, room
+from flightapp.control.riccati import WIDE
 from flightapp.frames import GRAVITY, quat_from_euler
 
 UNTILTED = P._replace(tilt_cotangent=-1e3)
@@ -31,8 +32,8 @@ def test_near_a_hover_it_is_the_linear_quadratic_regulator():
     turn, yaw, lift = weights_of(NUMBERS, level)
     V = np.zeros((TANGENT, TANGENT))
     for k in range(STEPS - 1, -1, -1):
-        Q = np.zeros((TANGENT, TANGENT + 1))
-        cost_derivatives(NUMBERS, rest, level, GRID[k, 0], k == STEPS - 1, Q)
+        Q = np.zeros((TANGENT, WIDE))
+        cost_derivatives(NUMBERS, rest, level, GRID[k, 0], k == STEPS - 1, Q.ravel())
         V = V + Q[:, :TANGENT]
         F = jacobian(rest, trim, GRID[k])
         A, B = F[:, :TANGENT], F[:, TANGENT:]

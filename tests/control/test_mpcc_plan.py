@@ -15,6 +15,7 @@ from flightapp.control.mpcc_horizon import rate_bounds, stiffness
 from flightapp.control.mpcc_solver import RATE, plan
 from flightapp.control.mpcc_work import TANGENT, Contour, contour_of, room
 from flightapp.control.parameters import unpacked
+from flightapp.control.riccati import WIDE
 from flightapp.frames import GRAVITY
 from flightapp.jit import kernel
 
@@ -59,8 +60,8 @@ def test_the_costs_slope_is_that_of_differences(last, seed):
     r[3:6], r[14:17] = 4.0 * rng.standard_normal(3), 8.0 * rng.standard_normal(3)
     r[19:22] = r[3:6] / np.linalg.norm(r[3:6])
     x = np.concatenate(([1.05, 0.9], a_state(seed)))
-    value, slope = np.zeros((TANGENT, TANGENT + 1)), np.zeros(TANGENT)
-    cost_derivatives(NUMBERS, x, r, 0.02, last, value)
+    value, slope = np.zeros((TANGENT, WIDE)), np.zeros(TANGENT)
+    cost_derivatives(NUMBERS, x, r, 0.02, last, value.ravel())
     for i in range(TANGENT):
         ends = []
         for sign in (-h, h):
