@@ -62,6 +62,7 @@ class GateMapping(Section):
     range_error: Finite = Field(0.004, ge=0.0, le=0.2, description="share of the distance, of the camera's calibration")
     sync_error: Finite = Field(0.001, ge=0.0, le=0.1, description="s, between the stamps of camera and tracker")
     correlation_time: Finite = Field(0.3, ge=0.0, le=10.0, description="s during which what remains stays the same")
+    same_view: Finite = Field(0.03, ge=0.0, le=1.0, description="rad by which a view must change for other errors")
     moved_after: int = Field(15, ge=2, le=1000, description="refused sightings in a row that make a gate a moved one")
     gate: Finite = Field(16.0, gt=1.0, le=100.0, description="χ² (4 dof) beyond which a sighting is refused")
     gate_walk: Finite = Field(0.0, ge=0.0, le=1.0, description="m/√s, by which gates wander")

@@ -27,9 +27,7 @@ from flightapp.estimation.process import (
     VELOCITY_NOISE,
     YAW,
     climb_share,
-    climb_slope,
     predict,
-    scaled_velocity,
 )
 from flightapp.frames import (
     Vector,
@@ -96,8 +94,70 @@ def correct(x: Vector, P: Vector, nu: Vector, H: Vector, columns: NDArray[np.int
 
 
 @kernel
+def correct_despite(
+    x: Vector,
+    P: Vector,
+    nu: Vector,
+    H: Vector,
+    columns: NDArray[np.int64],
+    given: int,
+    slope: Vector,
+    R: Vector,
+    gate: float,
+) -> float:
+    """As `correct`, as if the state ``given`` were known: it learns nothing, and the others no more than it allows.
+
+    ``slope`` (m,) is the measurement's derivative by it, which is not in ``H``. With the others' errors being g times
+    that of the state given, and what is independent of it, the gain is that for the latter part; the former becomes
+    g - K (H g + slope) (S. Schmidt, "Application of state-space methods to navigation problems", 1966).
+    """
+    n, m = x.size, nu.size
+    W, S, variance = np.empty((n, m)), np.empty((m, m)), P[given, given]
+    g, spread = P[given] / variance, np.zeros(m)
+    for i in range(m):
+        for c in range(columns.size):
+            spread[i] += H[i, c] * g[columns[c]]
+    off = spread + slope
+    for i in range(m):
+        for j in range(m):
+            S[i, j] = R[i, j] - variance * spread[i] * spread[j]
+    if not innovate(P, H, columns, S.copy(), W, S):
+        return math.inf
+    whiten(S, nu)
+    whiten(S, off)
+    chi2 = 0.0
+    for i in range(m):
+        chi2 += nu[i] * nu[i]
+    if not chi2 <= gate:
+        return chi2
+    after = g.copy()
+    for i in range(n):
+        for k in range(m):
+            W[i, k] -= variance * g[i] * spread[k]
+        whiten(S, W[i])
+        for k in range(m):
+            x[i] += W[i, k] * nu[k]
+            after[i] -= W[i, k] * off[k]
+    _lower(P, W, g, after, variance)
+    x[YAW] = wrap_angle(x[YAW])
+    return chi2
+
+
+@kernel
+def _lower(P: Vector, W: Vector, g: Vector, after: Vector, variance: float) -> None:
+    """``P`` loses W Wᵀ, and its part g gᵀ times ``variance`` becomes that of ``after``."""
+    for i in range(P.shape[0]):
+        for j in range(i + 1):
+            total = P[i, j] + variance * (after[i] * after[j] - g[i] * g[j])
+            for k in range(W.shape[1]):
+                total -= W[i, k] * W[j, k]
+            P[i, j] = total
+            P[j, i] = total
+
+
+@kernel
 def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
-    """Correct with the tracker's position and velocity in ``row`` (20,); the greater of the two χ²."""
+    """Correct with the tracker's position and velocity in ``row`` (21,); the greater of the two χ²."""
     nu, H, R = np.empty(3), np.zeros((3, 8)), np.zeros((3, 3))
     columns = np.empty(7, np.int64)
     r = quat_rotate(quat_from_yaw(x[YAW]), row[ODOM : ODOM + 3])
@@ -108,29 +168,24 @@ def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
         R[i, i] = s[POSITION_NOISE] ** 2
     columns[6] = YAW
     H[0, 6], H[1, 6] = r[1], -r[0]
-    chi2 = correct(x, P, nu, H[:, :7], columns, R, s[GATING])
-    r, scaled = quat_rotate(quat_from_yaw(x[YAW]), row[SPEED : SPEED + 3]), scaled_velocity(x)
-    wide = np.array((VELOCITY, VELOCITY + 1, VELOCITY + 2, SLIP, SLIP + 1, CLIMB, YAW, SCALE))
+    slope = np.zeros(3)
+    chi2 = correct_despite(x, P, nu, H[:, :7], columns, SCALE, slope, R, s[GATING])
+    r = quat_rotate(quat_from_yaw(x[YAW]), row[SPEED : SPEED + 3])
+    wide = np.array((VELOCITY, VELOCITY + 1, VELOCITY + 2, SLIP, SLIP + 1, CLIMB, YAW))
     for i in range(3):
-        share = climb_share(x, row, s) if i == 2 else 1.0
-        nu[i] = r[i] - (1.0 - x[SCALE]) * x[VELOCITY + i] + share * x[wide[3 + i]]
-        H[i, i], H[i, 3 + i], H[i, 7] = 1.0 - x[SCALE], -share, -scaled[i]
+        share = climb_share(row, s) if i == 2 else 1.0
+        slope[i] = -r[i]
+        r[i] *= 1.0 + x[SCALE]
+        nu[i] = r[i] + share * x[wide[3 + i]] - x[VELOCITY + i]
+        H[i, i], H[i, 3 + i] = 1.0, -share
         R[i, i] = s[VELOCITY_NOISE] ** 2
-    slope = climb_slope(x, row, s)
-    for i in range(3):
-        H[2, i] -= slope[i]
     H[0, 6], H[1, 6] = r[1], -r[0]
-    # The estimated speed and its own error make a product here, which would push the scale one way: the scale's
-    # uncertainty is considered, but it learns from positions alone (S. Schmidt's consider filter, 1966).
-    scale, variance = x[SCALE], P[SCALE, SCALE]
-    chi2 = max(chi2, correct(x, P, nu, H, wide, R, s[GATING]))
-    x[SCALE], P[SCALE, SCALE] = scale, variance
-    return chi2
+    return max(chi2, correct_despite(x, P, nu, H[:, :7], wide, SCALE, slope, R, s[GATING]))
 
 
 @kernel
 def step(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> float:
-    """Predict to ``row`` (20,) and, where it is a pose, correct with it; its χ².
+    """Predict to ``row`` (21,) and, where it is a pose, correct with it; its χ².
 
     A pose that contradicts the filter makes it less sure of its velocity: a force felt wrongly must not lock it out.
     """
@@ -157,7 +212,7 @@ def replay(
     Ps: Vector,
     s: Vector,
 ) -> None:
-    """Step through the ring ``rows`` (m, 20), numbers ``begin`` to before ``end``, from the step ``before``.
+    """Step through the ring ``rows`` (m, 21), numbers ``begin`` to before ``end``, from the step ``before``.
 
     Each state whose number is a multiple of ``every`` is kept in the rings ``xs`` (k, N) and ``Ps`` (k, N, N).
     """

@@ -15,7 +15,19 @@ from flightapp.estimation.alignment import Start, begin, relocate
 from flightapp.estimation.imu import ImuMemory
 from flightapp.estimation.memory import StepMemory, coasted, pose_row
 from flightapp.estimation.output import STATE, describe, gates_from_vehicle
-from flightapp.estimation.process import ATTITUDE, CORE, DRIFT, GATE, POSITION, RATES, ROW, STAMP, YAW, attitude
+from flightapp.estimation.process import (
+    ATTITUDE,
+    CORE,
+    DRIFT,
+    GATE,
+    POSITION,
+    RATES,
+    ROW,
+    STAMP,
+    VELOCITY,
+    YAW,
+    attitude,
+)
 from flightapp.estimation.settings import POSE_GATE, process_settings
 from flightapp.estimation.sighting import more_upright, place, use_sighting
 from flightapp.frames import Vector
@@ -35,9 +47,9 @@ from flightapp.track import Track
 
 AMBIGUITY = 4.0
 """χ² by which one of two poses must fit better for its yaw to be used."""
-LEAST_POSITION_ERROR = 0.005
+LEAST_POSITION_ERROR = 0.002
 """m, of a sighting at no distance, that changes as the gate moves through the image."""
-LEAST_YAW_ERROR = 0.01
+LEAST_YAW_ERROR = 0.005
 """rad, the same of a sighting's yaw."""
 MIRRORED_YAW = 0.5
 """rad, deviation of the yaw of a gate that was placed by a sighting with two explanations."""
@@ -45,6 +57,8 @@ SWAPPED, SWAPPED_YAW = 0.3, 0.2
 """m and rad, deviations of a gate from the place of another that is taken to be its own."""
 SILENCE = 0.02
 """s without a pose from which the filter coasts on the inertial sensors."""
+NEAR = 0.3
+"""m, nearer gates count as no nearer."""
 STEADY = 1.5
 """rad/s, turning faster than that nothing is expected to be seen."""
 UNBELIEVED = 20
@@ -153,32 +167,36 @@ class FusionEstimator:
         rows = hypotheses(sighting)
         if not all(map(math.isfinite, rows.flat)):
             return False
-        inflation, record = register.inflation(i, stamp), register.gates[i]
+        record = register.gates[i]
+        speed, turning = np.linalg.norm(self._x[VELOCITY : VELOCITY + 3]), np.linalg.norm(row[RATES : RATES + 3])
+        rate = float(turning + speed / max(float(np.linalg.norm(rows[0, :3])), NEAR))
+        inflation, lasting = register.repeats(i, stamp, rate)
+        errors = self._errors * math.sqrt(lasting)
         if record.placed:
-            verdict = use_sighting(self._x, self._P, at, row, rows, self._errors, inflation, self._limits, self._z)
+            verdict = use_sighting(self._x, self._P, at, row, rows, errors, inflation, self._limits, self._z)
             if verdict > 0:
                 record.used(stamp)
             if verdict != 0:
                 return verdict > 0
             anew = register.refused(i, stamp, self._x[POSITION : POSITION + 3] + self._z[:3])
         else:
-            more_upright(self._x, row, rows, self._errors, self._z)
+            more_upright(self._x, row, rows, errors, self._z)
             anew = register.found(i, stamp, self._x[POSITION : POSITION + 3] + self._z[:3])
         if anew:
-            self._place(i, rows, row, inflation)
+            self._place(i, rows, row, errors, inflation)
         return anew
 
-    def _place(self, i: int, rows: Vector, row: Vector, inflation: float) -> None:
+    def _place(self, i: int, rows: Vector, row: Vector, errors: Vector, inflation: float) -> None:
         """Put the gate ``i`` where its sighting ``rows`` (1 or 2, 43) shows it, and where it was the one it ousts."""
         x, P, register, at = self._x, self._P, self._register, CORE + GATE * i
-        chosen = more_upright(x, row, rows, self._errors, self._z)
+        chosen = more_upright(x, row, rows, errors, self._z)
         found, left = x[POSITION : POSITION + 3] + self._z[:3], x[at : at + 3].copy()
         gates = x[CORE:].reshape(-1, GATE)
         deviations = np.sqrt(P.diagonal()[CORE:].reshape(-1, GATE)[:, :2].max(axis=1))
         ousted = register.ousted(i, found, gates[:, :3], deviations)
         if ousted is not None:
             self._take_place(CORE + GATE * ousted, at)
-        place(x, P, at, row, rows[chosen], self._errors, inflation)
+        place(x, P, at, row, rows[chosen], errors, inflation)
         if len(rows) > 1:
             P[at + 3, at + 3] += MIRRORED_YAW**2
         register.placed_anew(i, float(row[STAMP]), found, left)

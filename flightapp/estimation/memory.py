@@ -5,19 +5,21 @@ import math
 import numpy as np
 
 from flightapp.estimation.correction import replay, step
-from flightapp.estimation.process import ATTITUDE, FELT, FLOWN, FORCE, KIND, ODOM, RATES, ROW, SPEED, STAMP
+from flightapp.estimation.process import ATTITUDE, FELT, FLOWN, FORCE, KIND, ODOM, PACE, RATES, ROW, SPEED, STAMP
 from flightapp.frames import Vector, quat_conjugate, quat_from_rotvec, quat_multiply, quat_normalize, quat_to_rotvec
 from flightapp.jit import assign, kernel
 
 STEPS = 192
 """Steps that are remembered: nearly a second at 200 Hz."""
+SMOOTHED = 0.025
+"""s, time constant of the speed that the vertical error follows."""
 EVERY = 4
 """Steps from one remembered state to the next; those between are computed anew."""
 
 
 @kernel
 def between(a: Vector, b: Vector, stamp: float, out: Vector) -> None:
-    """The step at ``stamp`` from ``a`` to ``b`` (20,) into ``out``: attitude and rates of then, no pose."""
+    """The step at ``stamp`` from ``a`` to ``b`` (21,) into ``out``: attitude and rates of then, no pose."""
     share = (stamp - a[STAMP]) / (b[STAMP] - a[STAMP])
     assign(out, b)
     out[STAMP], out[KIND] = stamp, 0.0
@@ -30,7 +32,7 @@ def between(a: Vector, b: Vector, stamp: float, out: Vector) -> None:
 
 @kernel
 def coasted(before: Vector, stamp: float, rates: Vector, force: Vector, out: Vector) -> None:
-    """The step at ``stamp`` with no pose, its attitude turned on from ``before`` (20,) by the body ``rates`` (3,)."""
+    """The step at ``stamp`` with no pose, its attitude turned on from ``before`` (21,) by the body ``rates`` (3,)."""
     assign(out, before)
     out[STAMP], out[KIND], out[FELT] = stamp, 0.0, 1.0
     dt = stamp - before[STAMP]
@@ -53,20 +55,22 @@ class StepMemory:
 
     @property
     def newest(self) -> Vector:
-        """(20,) the last step."""
+        """(21,) the last step."""
         row: Vector = self.rows[(self.count - 1) % STEPS]
         return row
 
     def begin(self, row: Vector, x: Vector, P: Vector) -> None:
-        """Forget everything: ``row`` (20,) is the first step, after which the state is ``x``, ``P``."""
+        """Forget everything: ``row`` (21,) is the first step, after which the state is ``x``, ``P``."""
         self.count += -self.count % EVERY
         self._first = self.count
         self._keep(row, x, P)
 
     def advance(self, row: Vector, x: Vector, P: Vector, settings: Vector) -> float:
-        """Move ``x``, ``P`` on to ``row`` (20,), and remember that; the χ² of its pose."""
+        """Move ``x``, ``P`` on to ``row`` (21,), and remember that; the χ² of its pose."""
         before = self.newest
-        row[FLOWN] = before[FLOWN] + (row[STAMP] - before[STAMP]) * math.hypot(*row[SPEED : SPEED + 3].tolist())
+        dt, speed = float(row[STAMP] - before[STAMP]), math.hypot(*row[SPEED : SPEED + 3].tolist())
+        row[FLOWN] = before[FLOWN] + dt * speed
+        row[PACE] = speed + math.exp(-dt / SMOOTHED) * (before[PACE] - speed)
         chi2 = step(x, P, before, row, settings)
         self._keep(row, x, P)
         return chi2
@@ -87,7 +91,7 @@ class StepMemory:
         return bool(self.rows[oldest % STEPS, STAMP] <= stamp <= self.newest[STAMP])
 
     def rewind(self, stamp: float, x: Vector, P: Vector, settings: Vector) -> tuple[Vector, int]:
-        """Put the state at ``stamp`` into ``x``, ``P``; the step (20,) at it, and the number of the one after it."""
+        """Put the state at ``stamp`` into ``x``, ``P``; the step (21,) at it, and the number of the one after it."""
         number = self.count - 1
         while self.rows[number % STEPS, STAMP] > stamp:
             number -= 1
@@ -104,7 +108,7 @@ class StepMemory:
         return row, number + 1
 
     def resume(self, row: Vector, following: int, x: Vector, P: Vector, settings: Vector) -> None:
-        """Move ``x``, ``P`` from the step ``row`` (20,), which `rewind` gave, on to the present again."""
+        """Move ``x``, ``P`` from the step ``row`` (21,), which `rewind` gave, on to the present again."""
         self._replay(x, P, row, following, self.count, settings)
 
     def _replay(self, x: Vector, P: Vector, before: Vector, begin: int, end: int, settings: Vector) -> None:
@@ -119,7 +123,7 @@ def pose_row(
     rates: Vector,
     felt: tuple[Vector, float] | None,
 ) -> Vector:
-    """(20,) the step of a pose of the tracker, with the specific force that was ``felt`` since the last, if any."""
+    """(21,) the step of a pose of the tracker, with the specific force that was ``felt`` since the last, if any."""
     row = np.zeros(ROW)
     row[STAMP], row[KIND] = stamp, 1.0
     row[ODOM : ODOM + 3], row[ATTITUDE : ATTITUDE + 4] = position, orientation

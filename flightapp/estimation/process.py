@@ -1,25 +1,33 @@
 """The process model of the joint filter over vehicle, tracker errors and gates.
 
-The tracker reports its pose in a frame of its own (odom) that drifts: p_w = R_z(ψ) p_o + t. With the true
-velocity v, its scale error κ and its velocity error e it moves by
+The tracker reports its pose in a frame of its own (odom) that drifts: p_w = R_z(ψ) p_o + t. With the velocity v_o that
+it reports, its scale error κ and its velocity error e the vehicle moves by
 
-    R_z(ψ) ṗ_o = (1 - κ) v - e,    so    ṫ = κ v + e + walk,
+    v = (1 + κ) R_z(ψ) v_o + e,    so    ṫ = κ R_z(ψ) v_o + e + walk.
 
-and reports that same velocity. What is wrong with its height grows with the speed and keeps its sign while the vehicle
-flies on: e_z = γ |v|³ exp(-s / L) after s metres, where γ hardly changes, and e_x and e_y come and go.
-Accelerometer and attitude drive v, so that an error of the tracker's velocity shows as the disagreement of the two.
-The attitude is the tracker's, turned by ψ and a slow tilt error τ: q_wb = exp(τ) ⊗ yaw(ψ) ⊗ q_ob. The state (N,) is
-laid out as below, then position and yaw of each gate; errors are additive but for the attitude, whose error is (τ, ψ)
-as a rotation vector in world axes. What the camera shows is turned by a constant error μ of its mount, in body axes,
-which no number of sightings averages out. What the tracker gets wrong and by how much follows from its published
-evaluation (paper's table 9) and is configuration.
+The drift follows from what is measured, not from v, whose error would make a product with that of κ. What is wrong
+with its height grows with the speed and keeps its sign while the vehicle flies on: e_z = γ |v|³ exp(-s / L) after s
+metres, where γ hardly changes, and e_x and e_y come and go. Accelerometer and attitude drive v, so that an error of
+the tracker's velocity shows as the disagreement of the two. The attitude is the tracker's, turned by ψ and a slow tilt
+error τ: q_wb = exp(τ) ⊗ yaw(ψ) ⊗ q_ob. The state (N,) is laid out as below, then position and yaw of each gate; errors
+are additive but for the attitude, whose error is (τ, ψ) as a rotation vector in world axes. What the camera shows is
+turned by a constant error μ of its mount, in body axes, which no number of sightings averages out. What the tracker
+gets wrong and by how much follows from its published evaluation (paper's table 9) and is configuration.
 """
 
 import math
 
 import numpy as np
 
-from flightapp.frames import GRAVITY, Vector, quat_from_rotvec, quat_from_yaw, quat_multiply, quat_to_matrix
+from flightapp.frames import (
+    GRAVITY,
+    Vector,
+    quat_from_rotvec,
+    quat_from_yaw,
+    quat_multiply,
+    quat_rotate,
+    quat_to_matrix,
+)
 from flightapp.jit import kernel
 
 POSITION, VELOCITY, DRIFT, YAW, SCALE, SLIP, CLIMB, BIAS, TILT = 0, 3, 6, 9, 10, 11, 13, 14, 17
@@ -29,9 +37,9 @@ GATE = 4
 """Numbers of a gate: position (3), yaw."""
 
 # One step of the tracker or of coasting: what was measured at its stamp.
-STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, FLOWN, ROW = 0, 1, 2, 5, 9, 12, 15, 18, 19, 20
+STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, FLOWN, PACE, ROW = 0, 1, 2, 5, 9, 12, 15, 18, 19, 20, 21
 """Columns: stamp, 1 for a pose or 0 for coasting, p_o (3), q_ob (4), v_o (3), ω (3), specific force (3), share felt,
-metres flown since the start."""
+metres flown since the start, smoothed speed."""
 
 # Settings of the process and of the tracker as a sensor, one row of numbers.
 (
@@ -56,26 +64,17 @@ metres flown since the start."""
     SETTINGS,
 ) = range(19)
 
-MOVING = 0.5
-"""m/s, below which the estimated speed is noise to the scale: their product would push the scale one way."""
-
 MEASURED = 4.2
 """m/s, the fastest of the published evaluation (table 11): beyond it the vertical error is a share of the speed."""
 
 
 @kernel
-def scaled_velocity(x: Vector) -> Vector:
-    """(3,) the velocity through which the tracker's scale shows: zero at rest."""
-    v = x[VELOCITY : VELOCITY + 3].copy()
-    if v[0] ** 2 + v[1] ** 2 + v[2] ** 2 < MOVING**2:
-        v[:] = 0.0
-    return v
+def climb_share(row: Vector, s: Vector) -> float:
+    """m/s of vertical velocity error per unit of γ at the step ``row``: it fades as gravity and scale show.
 
-
-@kernel
-def climb_share(x: Vector, row: Vector, s: Vector) -> float:
-    """m/s of vertical velocity error per unit of γ at the step ``row``: it fades as gravity and scale show."""
-    speed = math.sqrt(x[VELOCITY] ** 2 + x[VELOCITY + 1] ** 2 + x[VELOCITY + 2] ** 2)
+    The speed is the tracker's, smoothed: the noise of its last sample must not be in the innovation, too.
+    """
+    speed = row[PACE]
     share: float = speed * min(speed, MEASURED) ** 2 * math.exp(-row[FLOWN] / s[CLIMB_FADES])
     return share
 
@@ -85,16 +84,6 @@ def attitude(x: Vector, q_ob: Vector) -> Vector:
     """q_wb (4,) from the tracker's ``q_ob`` (4,)."""
     lean = quat_from_rotvec(np.array((x[TILT], x[TILT + 1], 0.0)))
     return quat_multiply(lean, quat_multiply(quat_from_yaw(x[YAW]), q_ob))
-
-
-@kernel
-def climb_slope(x: Vector, row: Vector, s: Vector) -> Vector:
-    """(3,) derivative of the vertical velocity error, γ times `climb_share`, by the velocity."""
-    v = x[VELOCITY : VELOCITY + 3]
-    speed = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
-    steep = 3.0 * speed if speed < MEASURED else MEASURED**2 / speed
-    slope: Vector = x[CLIMB] * steep * math.exp(-row[FLOWN] / s[CLIMB_FADES]) * v
-    return slope
 
 
 @kernel
@@ -134,21 +123,19 @@ def _add_noise(x: Vector, P: Vector, speed: float, dt: float, row: Vector, s: Ve
 
 @kernel
 def _transport(
-    P: Vector, v: Vector, scale: float, climb: Vector, turned: Vector, R: Vector, dt: float, keep: Vector
+    P: Vector, told: Vector, scale: float, climb: float, turned: Vector, R: Vector, dt: float, keep: Vector
 ) -> None:
     """``P`` ← F P in place; given the transpose of P, P ← P Fᵀ.
 
-    ``v`` (3,) is `scaled_velocity`, ``scale`` κ and ``climb`` (4,) `climb_slope` and `climb_share`; ``turned`` (3, 3)
+    ``told`` (3,) is the tracker's velocity in world axes, ``scale`` κ and ``climb`` `climb_share`; ``turned`` (3, 3)
     and -``R`` (3, 3) are the derivatives of the acceleration by the attitude's error and the accelerometer's bias,
     ``keep`` (3,) what is left of e, γ and tilt.
     """
+    across = (-scale * told[1], scale * told[0], 0.0)
     for j in range(P.shape[1]):
         for i in range(3):
-            error = P[SLIP + i, j] if i < 2 else climb[3] * P[CLIMB, j]
-            if i == 2:
-                for k in range(3):
-                    error += climb[k] * P[VELOCITY + k, j]
-            P[DRIFT + i, j] += dt * (v[i] * P[SCALE, j] + scale * P[VELOCITY + i, j] + error)
+            error = P[SLIP + i, j] if i < 2 else climb * P[CLIMB, j]
+            P[DRIFT + i, j] += dt * (told[i] * P[SCALE, j] + across[i] * P[YAW, j] + error)
             P[POSITION + i, j] += dt * P[VELOCITY + i, j]
         for i in range(3):
             gained = turned[i, 0] * P[TILT, j] + turned[i, 1] * P[TILT + 1, j] + turned[i, 2] * P[YAW, j]
@@ -163,7 +150,7 @@ def _transport(
 
 @kernel
 def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> None:
-    """Move state and covariance from the step ``before`` (20,) to the stamp and attitude of ``row`` (20,).
+    """Move state and covariance from the step ``before`` (21,) to the stamp and attitude of ``row`` (21,).
 
     For the share of the time in which the specific force was not felt, the velocity walks with `MANOEUVRE`.
     """
@@ -182,12 +169,11 @@ def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> Non
         pull[2] -= GRAVITY
     keep = np.array((math.exp(-dt / s[SLIP_TIME]), math.exp(-dt / s[CLIMB_TIME]), math.exp(-dt / s[TILT_TIME])))
     v = x[VELOCITY : VELOCITY + 3].copy()
-    scaled, climb = scaled_velocity(x), np.empty(4)
-    climb[:3], climb[3] = climb_slope(x, row, s), climb_share(x, row, s)
-    _transport(P, scaled, x[SCALE], climb, turned, R, dt, keep)
-    _transport(P.T, scaled, x[SCALE], climb, turned, R, dt, keep)
+    climb, told = climb_share(row, s), quat_rotate(quat_from_yaw(x[YAW]), row[SPEED : SPEED + 3])
+    _transport(P, told, x[SCALE], climb, turned, R, dt, keep)
+    _transport(P.T, told, x[SCALE], climb, turned, R, dt, keep)
     for i in range(3):
-        x[DRIFT + i] += dt * (x[SCALE] * v[i] + (x[SLIP + i] if i < 2 else climb[3] * x[CLIMB]))
+        x[DRIFT + i] += dt * (x[SCALE] * told[i] + (x[SLIP + i] if i < 2 else climb * x[CLIMB]))
         x[POSITION + i] += dt * (v[i] + 0.5 * dt * pull[i])
         x[VELOCITY + i] += dt * pull[i]
     for i in range(2):

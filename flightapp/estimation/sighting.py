@@ -26,8 +26,8 @@ def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, inflation:
     """A sighting from the step ``row`` as ``z`` (4,), the way to the gate in world axes and its yaw; the lean's χ².
 
     ``sighting`` (43,) is position, orientation and covariance, ``R`` (4, 4) becomes the covariance. ``errors`` (4,):
-    synchronisation (s), range (share), and the least error of position (m) and yaw (rad). These hardly change from one
-    frame to the next: ``inflation`` is how many frames count as one.
+    synchronisation (s), range (share), and the least error of position (m) and yaw (rad). ``inflation`` is how many
+    sightings with the given covariance count as one.
     """
     q_wb = attitude(x, row[ATTITUDE : ATTITUDE + 4])
     R_wb = quat_to_matrix(q_wb)
@@ -46,18 +46,18 @@ def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, inflation:
             R[i, j] = 0.0
             for k in range(6):
                 for m in range(6):
-                    R[i, j] += 0.5 * G[i, k] * (C[k, m] + C[m, k]) * G[j, m]
+                    R[i, j] += 0.5 * inflation * G[i, k] * (C[k, m] + C[m, k]) * G[j, m]
     w, v = quat_rotate(q_wb, row[RATES : RATES + 3]), x[VELOCITY : VELOCITY + 3]
     motion = np.array(
         (v[0] + w[1] * r[2] - w[2] * r[1], v[1] + w[2] * r[0] - w[0] * r[2], v[2] + w[0] * r[1] - w[1] * r[0], w[2])
     )
     for i in range(4):
         for j in range(4):
-            R[i, j] += inflation * errors[0] ** 2 * motion[i] * motion[j]
-        R[i, i] += inflation * errors[2 + i // 3] ** 2
+            R[i, j] += errors[0] ** 2 * motion[i] * motion[j]
+        R[i, i] += errors[2 + i // 3] ** 2
     for i in range(3):
         for j in range(3):
-            R[i, j] += inflation * errors[1] ** 2 * r[i] * r[j]
+            R[i, j] += errors[1] ** 2 * r[i] * r[j]
     lean: float = R_wg[2, 1] ** 2 / (C[3, 3] + LEAN**2) + R_wg[2, 0] ** 2 / (C[4, 4] + LEAN**2)
     return lean
 

@@ -9,11 +9,15 @@ from flightapp.frames import quat_from_yaw, quat_multiply, quat_rotate
 from flightapp.messages import GateSighting, PoseSample, Sightings
 
 WHITE = Config(
-    mapping=GateMapping(attitude_error=0.0, range_error=0.0, sync_error=0.0, correlation_time=0.0, gate=100.0)
+    mapping=GateMapping(
+        attitude_error=0.0, range_error=0.0, sync_error=0.0, correlation_time=0.0, same_view=0.0, gate=100.0
+    )
 )
 """Sightings whose errors are all their own."""
 TURNED = Config(
-    mapping=GateMapping(attitude_error=0.01, range_error=0.0, sync_error=0.0, correlation_time=0.0, gate=100.0)
+    mapping=GateMapping(
+        attitude_error=0.01, range_error=0.0, sync_error=0.0, correlation_time=0.0, same_view=0.0, gate=100.0
+    )
 )
 """Sightings by a camera that is mounted a little otherwise than is believed."""
 
@@ -43,6 +47,36 @@ def test_without_gates_the_state_follows_the_tracker():
     for state in states[::50]:
         assert np.linalg.norm(position_error(world, state)) < 0.25
         assert state.doubt == ""
+
+
+def test_without_gates_and_with_a_perfect_tracker_the_state_stays_at_its_pose():
+    """Inertial sensors, as noisy as they are, tell little of what may be wrong with it but for its height."""
+    world = Circling(seed=3)
+    faultless = {"drift_walk": 0.0, "drift_at_rest": 1e-9, "yaw_walk": 0.0, "yaw_at_rest": 1e-9, "slip_across": 0.0}
+    faultless |= {"slip_up": 0.0, "tilt_error": 1e-9, "scale_error": 1e-9, "start_yaw": 1e-9, "start_position": 1e-9}
+    world.config = world.config.model_copy(update={"estimation": world.config.estimation.model_copy(update=faultless)})
+    world.__post_init__()
+    world.mount = np.array((1.0, 0.0, 0.0, 0.0))
+    for state in flown(world, FusionEstimator(Config(), a_track()), 20.0)[::100]:
+        error, sigma = position_error(world, state), np.sqrt(np.diag(state.covariance)[:3])
+        # An estimate that followed the noise of its sensors would be off by about a sigma.
+        assert np.linalg.norm(error[:2]) < 0.5 * np.linalg.norm(sigma[:2]) + 0.01
+        assert abs(error[2]) < 3.0 * sigma[2] + 0.01
+
+
+def test_what_is_seen_again_and_again_from_one_place_tells_little_more():
+    """Nothing moves, so the same is wrong with each sighting: forty tell no more than a few."""
+    estimator, rest, sigmas = FusionEstimator(Config(), a_track()), np.zeros(3), []
+    still = np.array((1.0, 0.0, 0.0, 0.0))
+    for count in range(400):
+        stamp = 0.005 * count
+        estimator.on_pose(PoseSample(stamp, rest, still, rest, rest, 3))
+        if count % 6 == 1:
+            seen = GateSighting(stamp, 1, np.array((8.0, 0.0, 1.5)), still, 1e-4 * np.eye(6), None, 4, 0.1)
+            estimator.on_sightings(Sightings(stamp - 0.003, count, (), (seen,)))
+            sigmas.append(float(np.sqrt(estimator.gate_map(stamp).gates[0].covariance[3, 3])))
+    assert sigmas[0] < 0.02
+    assert sigmas[-1] > 0.5 * sigmas[0]
 
 
 @pytest.mark.parametrize("config", [WHITE, TURNED], ids=["perfect mount", "wrong mount"])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flightapp.config import Config
 from flightapp.estimation import process as at
-from flightapp.estimation.correction import correct, use_pose
+from flightapp.estimation.correction import correct, correct_despite, use_pose
 from flightapp.estimation.process import CORE, GATE, attitude, predict
 from flightapp.estimation.settings import process_settings
 from flightapp.estimation.sighting import SEEN, _derivative, _innovation, place, sighted
@@ -31,6 +31,7 @@ def a_row(rng, stamp, felt=True):
     row[at.ODOM : at.ODOM + 3] = rng.normal(0.0, 5.0, 3)
     row[at.ATTITUDE : at.ATTITUDE + 4] = quat_from_euler(*rng.uniform(-0.8, 0.8, 2), rng.uniform(-3.0, 3.0))
     row[at.SPEED : at.SPEED + 3] = rng.normal(0.0, 4.0, 3)
+    row[at.PACE] = np.linalg.norm(row[at.SPEED : at.SPEED + 3])
     row[at.RATES : at.RATES + 3] = rng.normal(0.0, 2.0, 3)
     row[at.FORCE : at.FORCE + 3] = rng.normal((0.0, 0.0, GRAVITY), 3.0)
     return row
@@ -145,6 +146,26 @@ def test_a_correction_is_that_of_the_textbook():
     expected_x[at.YAW] = math.remainder(expected_x[at.YAW], math.tau)
     np.testing.assert_allclose(x, expected_x, atol=1e-12)
     np.testing.assert_allclose(P, expected_P, atol=1e-12)
+
+
+def test_a_correction_despite_a_state_keeps_that_and_knows_what_it_costs():
+    """The covariance of any linear correction with that gain: (I - K H) P (I - K H)ᵀ + K R Kᵀ."""
+    rng = np.random.default_rng(8)
+    x, P = rng.normal(0.0, 1.0, SIZE), a_covariance(rng)
+    columns, H, R = np.array((0, 7, 12)), rng.normal(0.0, 1.0, (2, 3)), np.array(((0.3, 0.1), (0.1, 0.2)))
+    slope, nu, given_state = np.array((0.7, -0.4)), np.array((0.2, -0.1)), at.SCALE
+    full = np.zeros((2, SIZE))
+    full[:, columns] = H
+    alone = P - np.outer(P[given_state], P[given_state]) / P[given_state, given_state]
+    K = alone @ full.T @ np.linalg.inv(full @ alone @ full.T + R)
+    full[:, given_state] = slope
+    left = np.eye(SIZE) - K @ full
+    expected_x, expected_P = x + K @ nu, left @ P @ left.T + K @ R @ K.T
+    assert correct_despite(x, P, nu.copy(), H, columns, given_state, slope, R, math.inf) < math.inf
+    expected_x[at.YAW] = math.remainder(expected_x[at.YAW], math.tau)
+    np.testing.assert_allclose(x, expected_x, atol=1e-12)
+    np.testing.assert_allclose(P, expected_P, atol=1e-12)
+    assert K[given_state] == pytest.approx(np.zeros(2), abs=1e-12)
 
 
 def test_a_measurement_beyond_the_gate_changes_nothing():
