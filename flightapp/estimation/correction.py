@@ -20,6 +20,7 @@ from flightapp.estimation.process import (
     POSITION,
     POSITION_NOISE,
     SCALE,
+    SILENT,
     SLIP,
     SPEED,
     STAMP,
@@ -28,6 +29,7 @@ from flightapp.estimation.process import (
     YAW,
     climb_share,
     predict,
+    pushed,
 )
 from flightapp.frames import (
     Vector,
@@ -37,6 +39,9 @@ from flightapp.frames import (
 )
 from flightapp.jit import assign, kernel
 from flightapp.linear import factor, whiten
+
+SILENCE = 0.02
+"""s without a pose from which the filter coasts on the inertial sensors."""
 
 
 @kernel
@@ -109,7 +114,8 @@ def correct_despite(
 
     ``slope`` (m,) is the measurement's derivative by it, which is not in ``H``. With the others' errors being g times
     that of the state given, and what is independent of it, the gain is that for the latter part; the former becomes
-    g - K (H g + slope) (S. Schmidt, "Application of state-space methods to navigation problems", 1966).
+    g - K (H g + slope) (S. Schmidt, "Application of state-space methods to navigation problems", 1966). The χ² is that
+    of the whole innovation, to which the error of the state given contributes: by Sherman and Morrison's formula.
     """
     n, m = x.size, nu.size
     W, S, variance = np.empty((n, m)), np.empty((m, m)), P[given, given]
@@ -125,9 +131,13 @@ def correct_despite(
         return math.inf
     whiten(S, nu)
     whiten(S, off)
-    chi2 = 0.0
+    chi2: float = 0.0
+    along, size = 0.0, 0.0
     for i in range(m):
         chi2 += nu[i] * nu[i]
+        along += off[i] * nu[i]
+        size += off[i] * off[i]
+    chi2 -= variance * along * along / (1.0 + variance * size)
     if not chi2 <= gate:
         return chi2
     after = g.copy()
@@ -157,7 +167,7 @@ def _lower(P: Vector, W: Vector, g: Vector, after: Vector, variance: float) -> N
 
 @kernel
 def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
-    """Correct with the tracker's position and velocity in ``row`` (21,); the greater of the two χ²."""
+    """Correct with the tracker's position and velocity in ``row`` (22,); the greater of the two χ²."""
     nu, H, R = np.empty(3), np.zeros((3, 8)), np.zeros((3, 3))
     columns = np.empty(7, np.int64)
     r = quat_rotate(quat_from_yaw(x[YAW]), row[ODOM : ODOM + 3])
@@ -185,14 +195,18 @@ def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
 
 @kernel
 def step(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> float:
-    """Predict to ``row`` (21,) and, where it is a pose, correct with it; its χ².
+    """Predict to ``row`` (22,) and, where it is a pose, correct with it; its χ².
 
     A pose that contradicts the filter makes it less sure of its velocity: a force felt wrongly must not lock it out.
+    After a silence the pose refutes what was felt in it, which then counts as nothing.
     """
     predict(x, P, before, row, s)
     if row[KIND] <= 0.0:
         return 0.0
     chi2 = use_pose(x, P, row, s)
+    if row[SILENT] > SILENCE and not chi2 <= s[GATING]:
+        pushed(P, s[MANOEUVRE] ** 2, row[SILENT])
+        chi2 = use_pose(x, P, row, s)
     if not chi2 <= s[GATING]:
         for i in range(3):
             P[VELOCITY + i, VELOCITY + i] += s[MANOEUVRE] ** 2 * (row[STAMP] - before[STAMP])
@@ -212,7 +226,7 @@ def replay(
     Ps: Vector,
     s: Vector,
 ) -> None:
-    """Step through the ring ``rows`` (m, 21), numbers ``begin`` to before ``end``, from the step ``before``.
+    """Step through the ring ``rows`` (m, 22), numbers ``begin`` to before ``end``, from the step ``before``.
 
     Each state whose number is a multiple of ``every`` is kept in the rings ``xs`` (k, N) and ``Ps`` (k, N, N).
     """

@@ -12,13 +12,16 @@ import numpy as np
 
 from flightapp.config import Config
 from flightapp.estimation.alignment import Start, begin, relocate
-from flightapp.estimation.imu import ImuMemory
+from flightapp.estimation.correction import SILENCE
+from flightapp.estimation.imu import REACH, ImuMemory
 from flightapp.estimation.memory import StepMemory, coasted, pose_row
 from flightapp.estimation.output import STATE, describe, gates_from_vehicle
 from flightapp.estimation.process import (
     ATTITUDE,
     CORE,
     DRIFT,
+    FELT,
+    FORCE,
     GATE,
     POSITION,
     RATES,
@@ -55,8 +58,6 @@ MIRRORED_YAW = 0.5
 """rad, deviation of the yaw of a gate that was placed by a sighting with two explanations."""
 SWAPPED, SWAPPED_YAW = 0.3, 0.2
 """m and rad, deviations of a gate from the place of another that is taken to be its own."""
-SILENCE = 0.02
-"""s without a pose from which the filter coasts on the inertial sensors."""
 NEAR = 0.3
 """m, nearer gates count as no nearer."""
 STEADY = 1.5
@@ -94,27 +95,37 @@ class FusionEstimator:
         self._z = np.empty(4)
 
     def on_imu(self, sample: ImuSample) -> VehicleState | None:
-        """Take ``sample`` over; the state at its stamp where poses have been silent for `SILENCE`, else None."""
+        """Take ``sample`` over; the state at its stamp where poses have been silent for `SILENCE`, else None.
+
+        Where the inertial sensors have been silent, too, they cannot stand in for poses: nothing tells of that time.
+        """
         if not self._imu.add(sample) or self._memory.count == 0:
             return None
         if not SILENCE <= sample.stamp - self._posed <= self._coast or sample.stamp <= self._memory.newest[STAMP]:
             return None
+        before = self._memory.newest
+        felt = self._imu.felt(float(before[STAMP]), sample.stamp)
+        if felt is None or (1.0 - felt[1]) * (sample.stamp - before[STAMP]) > REACH:
+            return None
         row = np.empty(ROW)
-        coasted(self._memory.newest, sample.stamp, sample.angular_velocity, sample.specific_force, row)
+        coasted(before, sample.stamp, sample.angular_velocity, *felt, row)
         self._memory.advance(row, self._x, self._P, self._settings)
         return self._state(row)
 
     def on_pose(self, sample: PoseSample) -> VehicleState | None:
-        """The state at ``sample``'s stamp; None where that is not newer than what is known."""
-        memory = self._memory
+        """The state at ``sample``'s stamp or, where the inertial sensors are ahead of it, at theirs.
+
+        None where it is not newer than the pose before.
+        """
+        memory, ahead = self._memory, self._retreat(sample.stamp)
+        if ahead is None:
+            return None
         if memory.count == 0:
             begin(self._x, self._P, sample, self._start)
             row = _row(sample, None)
             memory.begin(row, self._x, self._P)
         else:
             before = float(memory.newest[STAMP])
-            if sample.stamp <= before:
-                return None
             row = _row(sample, self._imu.felt(before, sample.stamp))
             if sample.epoch != self._epoch:
                 q_wb = attitude(self._x, memory.newest[ATTITUDE : ATTITUDE + 4])
@@ -124,7 +135,23 @@ class FusionEstimator:
             if sample.epoch != self._epoch:
                 memory.begin(row, self._x, self._P)
         self._epoch, self._posed = sample.epoch, sample.stamp
+        for step in ahead:
+            row, felt = np.empty(ROW), (step[FORCE : FORCE + 3], float(step[FELT]))
+            coasted(memory.newest, float(step[STAMP]), step[RATES : RATES + 3], *felt, row)
+            memory.advance(row, self._x, self._P, self._settings)
         return self._state(row)
+
+    def _retreat(self, stamp: float) -> list[Vector] | None:
+        """Go back to before ``stamp``, where the inertial sensors are ahead of it; their steps after it.
+
+        None where the last pose, or the last sighting that was used, was not before it.
+        """
+        if stamp <= self._posed:
+            return None
+        if self._memory.count == 0 or stamp > self._memory.newest[STAMP]:
+            return []
+        steps = self._memory.retreat(stamp, self._x, self._P, self._settings)
+        return None if steps is None else [step for step in steps if step[STAMP] > stamp]
 
     def on_sightings(self, seen: Sightings) -> bool:
         """Use what was seen at ``seen.stamp``, which a pose or more should have passed; whether the map changed.

@@ -63,4 +63,6 @@ class ImuMemory:
                 break
         if total is None:
             return None
+        # Older than what is remembered is as if it had not been felt.
+        hole += max(after - begin - BRIDGED, 0.0)
         return np.asarray(total / count, float), 1.0 - min(hole / (end - begin), 1.0)

@@ -15,7 +15,7 @@ ATTITUDE_NOISE = 0.002
 
 @kernel
 def describe(x: Vector, P: Vector, row: Vector, out: Vector) -> None:
-    """The vehicle's state at the step ``row`` (21,) into ``out`` (94,), with the rotation vector in body axes."""
+    """The vehicle's state at the step ``row`` (22,) into ``out`` (94,), with the rotation vector in body axes."""
     q_wb = attitude(x, row[ATTITUDE : ATTITUDE + 4])
     R = quat_to_matrix(q_wb)
     # What position, velocity and attitude's error are of the state.

@@ -37,9 +37,22 @@ GATE = 4
 """Numbers of a gate: position (3), yaw."""
 
 # One step of the tracker or of coasting: what was measured at its stamp.
-STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, FLOWN, PACE, ROW = 0, 1, 2, 5, 9, 12, 15, 18, 19, 20, 21
+STAMP, KIND, ODOM, ATTITUDE, SPEED, RATES, FORCE, FELT, FLOWN, PACE, SILENT, ROW = (
+    0,
+    1,
+    2,
+    5,
+    9,
+    12,
+    15,
+    18,
+    19,
+    20,
+    21,
+    22,
+)
 """Columns: stamp, 1 for a pose or 0 for coasting, p_o (3), q_ob (4), v_o (3), ω (3), specific force (3), share felt,
-metres flown since the start, smoothed speed."""
+metres flown since the start, smoothed speed, s since the last pose."""
 
 # Settings of the process and of the tracker as a sensor, one row of numbers.
 (
@@ -87,15 +100,23 @@ def attitude(x: Vector, q_ob: Vector) -> Vector:
 
 
 @kernel
+def pushed(P: Vector, density: float, dt: float) -> None:
+    """Add what an unknown acceleration of that spectral ``density`` (m²/s³) does to ``P`` in ``dt`` seconds.
+
+    It moves the position, too: after a gap that is most of what is not known of it.
+    """
+    for i in range(3):
+        P[VELOCITY + i, VELOCITY + i] += density * dt
+        P[POSITION + i, POSITION + i] += density * dt**3 / 3.0
+        P[POSITION + i, VELOCITY + i] += 0.5 * density * dt**2
+        P[VELOCITY + i, POSITION + i] += 0.5 * density * dt**2
+
+
+@kernel
 def _add_noise(x: Vector, P: Vector, speed: float, dt: float, row: Vector, s: Vector) -> None:
     """Process noise over ``dt`` seconds up to ``row`` into ``P``; e, γ and τ are first-order Gauss-Markov processes."""
-    push = row[FELT] * s[ACCELEROMETER] ** 2 + (1.0 - row[FELT]) * s[MANOEUVRE] ** 2
+    pushed(P, row[FELT] * s[ACCELEROMETER] ** 2 + (1.0 - row[FELT]) * s[MANOEUVRE] ** 2, dt)
     for i in range(3):
-        # An unknown acceleration moves the position, too: after a gap that is most of what is not known of it.
-        P[VELOCITY + i, VELOCITY + i] += push * dt
-        P[POSITION + i, POSITION + i] += push * dt**3 / 3.0
-        P[POSITION + i, VELOCITY + i] += 0.5 * push * dt**2
-        P[VELOCITY + i, POSITION + i] += 0.5 * push * dt**2
         P[BIAS + i, BIAS + i] += s[BIAS_WALK] ** 2 * dt
         P[DRIFT + i, DRIFT + i] += (s[WALK] ** 2 * speed + s[WALK_AT_REST] ** 2) * dt
     gone = 1.0 - math.exp(-2.0 * dt / s[SLIP_TIME])
@@ -150,7 +171,7 @@ def _transport(
 
 @kernel
 def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> None:
-    """Move state and covariance from the step ``before`` (21,) to the stamp and attitude of ``row`` (21,).
+    """Move state and covariance from the step ``before`` (22,) to the stamp and attitude of ``row`` (22,).
 
     For the share of the time in which the specific force was not felt, the velocity walks with `MANOEUVRE`.
     """
@@ -169,7 +190,8 @@ def predict(x: Vector, P: Vector, before: Vector, row: Vector, s: Vector) -> Non
         pull[2] -= GRAVITY
     keep = np.array((math.exp(-dt / s[SLIP_TIME]), math.exp(-dt / s[CLIMB_TIME]), math.exp(-dt / s[TILT_TIME])))
     v = x[VELOCITY : VELOCITY + 3].copy()
-    climb, told = climb_share(row, s), quat_rotate(quat_from_yaw(x[YAW]), row[SPEED : SPEED + 3])
+    told = quat_rotate(quat_from_yaw(x[YAW]), 0.5 * (before[SPEED : SPEED + 3] + row[SPEED : SPEED + 3]))
+    climb = climb_share(row, s)
     _transport(P, told, x[SCALE], climb, turned, R, dt, keep)
     _transport(P.T, told, x[SCALE], climb, turned, R, dt, keep)
     for i in range(3):

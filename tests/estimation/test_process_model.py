@@ -161,7 +161,9 @@ def test_a_correction_despite_a_state_keeps_that_and_knows_what_it_costs():
     full[:, given_state] = slope
     left = np.eye(SIZE) - K @ full
     expected_x, expected_P = x + K @ nu, left @ P @ left.T + K @ R @ K.T
-    assert correct_despite(x, P, nu.copy(), H, columns, given_state, slope, R, math.inf) < math.inf
+    whole = full @ P @ full.T + R
+    fit = correct_despite(x, P, nu.copy(), H, columns, given_state, slope, R, math.inf)
+    assert fit == pytest.approx(float(nu @ np.linalg.solve(whole, nu)))
     expected_x[at.YAW] = math.remainder(expected_x[at.YAW], math.tau)
     np.testing.assert_allclose(x, expected_x, atol=1e-12)
     np.testing.assert_allclose(P, expected_P, atol=1e-12)
