@@ -99,7 +99,10 @@ def _see(modules: Modules, regions: Sequence[Vector] | None, frame: Frame) -> Si
 
 
 async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
-    """Poses, and the inertial sensors where there are none → vehicle state."""
+    """Poses, and the inertial sensors where there are none → vehicle state.
+
+    The autopilot gets the poses too, but for those that leave the state in doubt: what it knows is then what is left.
+    """
 
     def publish(state: VehicleState | None) -> None:
         if state is not None:
@@ -109,8 +112,10 @@ async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
     try:
         async for sample in rig.tracker.poses():
             bus.pose.publish(sample)
-            rig.autopilot.send_pose(sample)
-            publish(estimator.on_pose(sample))
+            state = estimator.on_pose(sample)
+            if state is None or not state.doubt:
+                rig.autopilot.send_pose(sample)
+            publish(state)
     finally:
         bus.event.publish(Event(now(), "poses", rig.tracker.report()))
 

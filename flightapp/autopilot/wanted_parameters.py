@@ -85,8 +85,9 @@ def _estimator(config: Config) -> Sequence[Parameter]:
         Parameter("EKF2_MAG_TYPE", INT, exactly(5), MUST, "Type of magnetometer fusion",
                   "steel and motors turn the compass; heading comes from the tracker", reboot=True,
                   absent=OPTIONAL_SENSOR),
-        Parameter("EKF2_BARO_CTRL", INT, exactly(0), SHOULD, "Barometric sensor height aiding",
-                  "the barometer would pull the height that the tracker gives", absent=OPTIONAL_SENSOR),
+        Parameter("EKF2_BARO_CTRL", INT, exactly(1), SHOULD, "Barometric sensor height aiding",
+                  "without the tracker it is what PX4 comes down by and notices the ground with; beside the tracker,"
+                  " which is the reference, only its bias is learnt", absent=OPTIONAL_SENSOR),
         Parameter("EKF2_RNG_CTRL", INT, exactly(0), SHOULD, "Range sensor height aiding",
                   "a range finder takes a gate or a box for the floor", absent=OPTIONAL_SENSOR),
         Parameter("EKF2_PREDICT_US", INT, Within(1000, period, write=min(4000, math.floor(period))), SHOULD,

@@ -3,7 +3,8 @@
 No filter runs: what EKF2 would believe is the true motion, moved by the low-passed offset of the external vision from
 the truth (so that the vehicle flies in the tracker's frame), plus an Ornstein-Uhlenbeck error of the measured size.
 Gating, resets and time-outs follow src/modules/ekf2/EKF/aid_sources/external_vision (ev_control.cpp,
-ev_pos_control.cpp) of PX4 v1.16; position and heading are gated together here, each axis by itself there.
+ev_pos_control.cpp, ev_vel_control.cpp) of PX4 v1.16; position and heading are gated together here, each axis by itself
+there. While a velocity is rejected, positions alone say how fast their offset moves.
 """
 
 import math
@@ -23,14 +24,22 @@ SMOOTHING = 0.25
 """s, time constant with which the external vision's offset is taken over."""
 DRIFT = 0.1
 """m/s², standard deviation of the horizontal acceleration error that is integrated while nothing aids."""
+BAROMETER, BAROMETER_TIME = 0.15, 3.0
+"""m/s, standard deviation of the vertical velocity's error while only the barometer gives the height, and s, its
+correlation time: a filter with EKF2's default noises (EKF2_BARO_NOISE 3.5 m at 20 Hz, EKF2_ACC_NOISE 0.35 m/s² at
+100 Hz) settles within about 5 s, so that 0.02 m/s² of the accelerometer or 0.3 m of the air's pressure make as much."""
 INTERVAL = 0.2
 """s, EV_MAX_INTERVAL: fusion starts with two samples within it, and stops after twice as long without one."""
 REJECTED = 1.0
 """s, no_aid_timeout_max: rejected for so long, a measurement is reset to."""
+VELOCITY_RESETS = 5
+"""Times that a velocity is reset to while the other vision goes on being fused (_nb_ev_vel_reset_available)."""
 OLDEST = 1.0
 """s, samples older than that are dropped."""
 SIGMA = 0.03
 """m and rad, the filter's own standard deviation while it is aided."""
+VELOCITY_SIGMA = 0.05
+"""m/s, the filter's own standard deviation of the velocity while it is aided."""
 ATTITUDE_NOISE = 0.02
 """rad, EKF2_EVA_NOISE."""
 _HORIZONTAL, _VERTICAL, _VELOCITY, _YAW = 1, 2, 4, 8
@@ -73,7 +82,8 @@ class Ekf2:
     def restart(self) -> None:
         """Know nothing, as after a boot."""
         self._offset, self._velocity_offset, self._yaw = np.zeros(3), np.zeros(3), 0.0
-        self._sampled = self._fused = self._aided = -math.inf
+        self._sampled = self._fused = self._aided = self._velocity_fused = -math.inf
+        self._seen_offset, self._velocity_resets = np.zeros(3), VELOCITY_RESETS
         self._counter: int | None = None
         self.fusing = False
         """Whether external vision is being fused."""
@@ -113,13 +123,10 @@ class Ekf2:
         elif jumped:
             self._reset(now, offset, velocity_offset, yaw)
         elif self._fits(offset, yaw):
-            keep = math.exp(-min(now - self._fused, INTERVAL) / SMOOTHING)
-            self._offset = keep * self._offset + (1.0 - keep) * offset
-            self._velocity_offset = keep * self._velocity_offset + (1.0 - keep) * velocity_offset
-            self._yaw += (1.0 - keep) * math.remainder(yaw - self._yaw, math.tau)
-            self._fused = now
+            self._fuse(now, offset, self._moving(now, velocity_offset, (offset - self._seen_offset) / interval), yaw)
         elif now - self._fused > REJECTED:
             self._reset(now, offset, velocity_offset, yaw)
+        self._seen_offset = offset
 
     def _measured(
         self, sampled: float, position: Vector, orientation: Vector, velocity: Vector | None, control: int
@@ -141,11 +148,30 @@ class Ekf2:
         turned = abs(math.remainder(yaw - self._yaw, math.tau))
         return float(np.abs(offset - self._offset).max()) <= most and turned <= gate * math.hypot(ATTITUDE_NOISE, SIGMA)
 
+    def _fuse(self, now: float, offset: Vector, moving: Vector, yaw: float) -> None:
+        keep = math.exp(-min(now - self._fused, INTERVAL) / SMOOTHING)
+        self._offset = keep * self._offset + (1.0 - keep) * offset
+        self._velocity_offset = keep * self._velocity_offset + (1.0 - keep) * moving
+        self._yaw += (1.0 - keep) * math.remainder(yaw - self._yaw, math.tau)
+        self._fused = now
+
+    def _moving(self, now: float, told: Vector, shown: Vector) -> Vector:
+        """How fast the offset moves, (3,) m/s: as the velocities have ``told``, or as the positions have ``shown``."""
+        gate, noise = float(self._parameters["EKF2_EVV_GATE"]), float(self._parameters["EKF2_EVV_NOISE"])
+        if float(np.abs(told - self._velocity_offset).max()) <= gate * math.hypot(noise, VELOCITY_SIGMA):
+            self._velocity_fused = now
+            return told
+        if now - self._velocity_fused > REJECTED and self._velocity_resets > 0:
+            self._velocity_resets -= 1
+            self._velocity_fused = now
+            self._velocity_offset = told
+        return shown
+
     def _reset(self, now: float, offset: Vector, velocity_offset: Vector, yaw: float) -> None:
         self.move += offset - self._offset
         self.turn += math.remainder(yaw - self._yaw, math.tau)
         self._offset, self._velocity_offset, self._yaw = offset, velocity_offset, yaw
-        self._fused, self.fusing = now, True
+        self._fused, self._velocity_fused, self.fusing = now, now, True
         self.resets = (self.resets + 1) % 256
 
     def take_move(self) -> tuple[Vector, float]:
@@ -164,14 +190,20 @@ class Ekf2:
         self._error = keep * self._error + ERROR * np.sqrt(1.0 - keep * keep) * self._rng.standard_normal(6)
         if self.fusing and now - self._sampled > 2.0 * INTERVAL:
             self.fusing = False
-            if self._barometer:
-                self._velocity_offset = self._velocity_offset * (1.0, 1.0, 0.0)
         self._offset = self._offset + dt * self._velocity_offset
         if self.fusing:
             self._aided = now
         elif self._aided > -math.inf:
-            drift = self._drift * (1.0, 1.0, 0.0 if self._barometer else 1.0)
-            self._velocity_offset = self._velocity_offset + dt * drift
+            self._go_blind(dt)
+
+    def _go_blind(self, dt: float) -> None:
+        """Integrate for ``dt`` s what is felt; the barometer bounds the vertical velocity's error."""
+        vertical = float(self._velocity_offset[2])
+        self._velocity_offset = self._velocity_offset + dt * self._drift
+        if self._barometer:
+            keep = math.exp(-dt / BAROMETER_TIME)
+            spread = BAROMETER * math.sqrt(1.0 - keep * keep)
+            self._velocity_offset[2] = keep * vertical + spread * self._rng.standard_normal()
 
     @property
     def position_valid(self) -> bool:

@@ -2,7 +2,8 @@
 
 After src/modules/flight_mode_manager/tasks and the takeoff state machine of the position controller (PX4 v1.16):
 takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED, descending stays level and,
-without a height, sinks with a fixed acceleration. A pilot's sticks are taken to be centred. Without a global position
+without a height, sinks with a fixed acceleration (FlightTaskDescend.cpp). Once landed the motors idle until a takeoff
+is asked for, whatever the land detector makes of it meanwhile (Takeoff.cpp). A pilot's sticks are taken to be centred. Without a global position
 a takeoff leads over the origin of the local frame, since the place where the vehicle stands then reads as latitude,
 longitude and altitude 0 (takeoff.cpp and navigator_main.cpp).
 """
@@ -14,12 +15,12 @@ import numpy as np
 from flightapp.autopilot.thrust import ThrustMap
 from flightapp.frames import GRAVITY, quat_yaw
 from sim.px4.estimator import Estimate
-from sim.px4.landing import LandDetector
+from sim.px4.landing import Felt, LandDetector
 from sim.px4.modes import NavState
 from sim.px4.parameters import Parameters
-from sim.px4.position_control import ACCELERATION, PositionController, turn
+from sim.px4.position_control import ACCELERATION, THRUST_MIN, PositionController, turn
 
-SINK = 0.3
+SINK = 0.15
 """m/s², downwards, of a descent without a height."""
 REACHED = 0.15
 """m, below the takeoff height, where the climb counts as complete."""
@@ -33,8 +34,6 @@ BY_POSITION = frozenset(
     | {NavState.POSCTL}
 )
 LEVEL = frozenset({NavState.DESCEND, NavState.ALTCTL})
-BY_HAND = frozenset({NavState.STAB, NavState.MANUAL, NavState.ACRO})
-"""Modes without a vertical velocity to follow."""
 
 Command = tuple[tuple[float, float, float], float]
 """Body rates in rad/s, FLU, and throttle 0..1."""
@@ -49,7 +48,10 @@ class Flight:
         self._curve = curve
         self._known = parameters.version
         self._controller = PositionController(self._map())
-        self.detector = LandDetector(float(parameters["MPC_THR_HOVER"]))
+        self.detector = LandDetector(float(parameters["MPC_THR_HOVER"]), THRUST_MIN)
+        self.throttle = 0.0
+        """0..1, last given."""
+        self._flying = False
         self.target = np.full(3, math.nan)
         """(3,) m, where a takeoff leads to."""
 
@@ -76,25 +78,38 @@ class Flight:
         """Stay where it is although the estimate was reset by (3,) m and ``turned`` rad."""
         self._controller.shift(estimate_move, turned)
         self.target += estimate_move
-        if self.detector.ground is not None:
-            self.detector.ground += float(estimate_move[2])
 
     def climbed(self, estimate: Estimate) -> bool:
         """Whether a takeoff is complete."""
         return bool(estimate.position[2] > self.target[2] - REACHED)
 
-    def watch_ground(self, now: float, estimate: Estimate, throttle: float | None) -> None:
-        """Let the land detector judge; ``throttle`` 0..1 where no vertical velocity is followed."""
-        if not estimate.altitude_valid:
-            self.detector.update_blind(now, throttle)
-            return
-        height, climb = float(estimate.position[2]), float(estimate.velocity[2])
-        self.detector.update(now, height, climb, self._controller.climb, throttle)
+    def disarmed(self) -> None:
+        """Stand there with the motors off."""
+        self.detector.reset()
+        self.throttle, self._flying = 0.0, False
+
+    def watch_ground(self, now: float, mode: NavState, estimate: Estimate, throttle: float) -> None:
+        """Let the land detector judge; ``throttle`` 0..1 is in force."""
+        controlled = mode in BY_POSITION or mode in LEVEL
+        climb, sideways = math.nan, math.nan
+        if estimate.altitude_valid:
+            climb = float(estimate.velocity[2])
+        if estimate.position_valid:
+            sideways = math.hypot(float(estimate.velocity[0]), float(estimate.velocity[1]))
+        turning = math.hypot(float(estimate.angular_velocity[0]), float(estimate.angular_velocity[1]))
+        wanted = (self._controller.climb if estimate.altitude_valid else math.nan) if controlled else None
+        self.detector.update(now, Felt(climb, sideways, turning), throttle, wanted)
+        self._flying = not controlled or (self._flying and not self.detector.landed)
 
     def command(self, mode: NavState, estimate: Estimate, spooling: bool) -> Command:
         """One step of `TICK` in ``mode``; ``spooling`` while the motors still come up to speed."""
-        detector, controller = self.detector, self._controller
-        if (detector.landed and (spooling or mode is not NavState.AUTO_TAKEOFF)) or detector.touched:
+        self._flying |= mode is NavState.AUTO_TAKEOFF and not spooling
+        rates, self.throttle = self._command(mode, estimate)
+        return rates, self.throttle
+
+    def _command(self, mode: NavState, estimate: Estimate) -> Command:
+        controller = self._controller
+        if not self._flying or (self.detector.touched and not self.detector.landed):
             sinking = -self._sink_speed if mode in (NavState.AUTO_LAND, NavState.DESCEND) else 0.0
             controller.reset(estimate.position, np.array((0.0, 0.0, sinking)), controller.yaw)
             return IDLE

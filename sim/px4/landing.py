@@ -1,79 +1,99 @@
 """PX4's land detector, as a model.
 
-After the multicopter land detector of PX4 (user guide, "Land detector"): on the ground the vehicle does not move up
-or down although it is asked to descend, or is given next to no thrust. It is airborne once it has risen.
+After src/modules/land_detector/MulticopterLandDetector.cpp of PX4 v1.16: ground contact, then maybe landed, then
+landed, each once it has been so for a third of LNDMC_TRIG_TIME, and not any more as soon as it isn't. What is
+asked there of the distance to the ground (there is no sensor for it) and of free fall is left out.
 """
 
 import math
+from typing import NamedTuple
 
-STILL = 0.2
-"""m/s, vertical speed below which it may stand."""
-DESCENDING = -0.3
-"""m/s, setpoint that counts as being asked to descend."""
-TOUCH_TIME = 0.35
-"""s, ground contact: standing still against a descent."""
-LANDED_TIME = 0.3
-"""s, from contact to being landed."""
-RISEN = 0.15
-"""m above where it stood, airborne."""
-LOW_THRUST = 0.3
-"""Share of the hover thrust below which the vehicle cannot fly."""
+STAGE = 1.0 / 3.0
+"""s, LNDMC_TRIG_TIME / 3."""
+RISING = 0.25
+"""m/s, LNDMC_Z_VEL_MAX: vertical speed of a vehicle that moves up or down."""
+SIDEWAYS = 1.5
+"""m/s, LNDMC_XY_VEL_MAX."""
+TURNING = math.radians(20.0)
+"""rad/s, LNDMC_ROT_MAX."""
+WIDER = 2.5
+"""By which the speeds may be greater where it has landed."""
+DESCENDING = 1.1 * RISING
+"""m/s, downwards, that count as being asked to descend."""
+LOW, LEAST = 0.6, 0.1
+"""Shares of the throttle between the least and the hover's: too low to fly (where the hover thrust is estimated,
+MPC_USE_HTE), and as good as none."""
+BY_HAND_LEAST = 0.09
+"""Throttle that is as good as none where it is given by hand: a little more than MPC_MANTHR_MIN."""
 BLIND_TIME = 8.0
-"""s with so little thrust that count as landed where the vertical velocity is not known."""
+"""s with the least throttle that count as landed where the vertical velocity is not known."""
+
+
+class Felt(NamedTuple):
+    """How the vehicle moves by PX4's estimate; NaN where that is not known."""
+
+    climb: float
+    """m/s, upwards."""
+    sideways: float
+    """m/s."""
+    turning: float
+    """rad/s, of roll and pitch."""
+
+
+class _Lasting:
+    """Whether something has been so for long enough."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._since = -math.inf
+
+    def update(self, now: float, so: bool) -> bool:
+        self._since = min(self._since, now) if so else math.inf
+        return now - self._since >= self._seconds
 
 
 class LandDetector:
     """Judges from what PX4 knows: its estimate, its setpoint and its throttle."""
 
-    def __init__(self, hover_thrust: float) -> None:
-        self._low = LOW_THRUST * hover_thrust
+    def __init__(self, hover_thrust: float, least_thrust: float) -> None:
+        span = hover_thrust - least_thrust
+        self._low, self._least = least_thrust + LOW * span, least_thrust + LEAST * span
         self.reset()
 
     def reset(self) -> None:
-        """Stand on the ground, at a height that the next `update` tells."""
-        self.landed = True
-        self.touched = False
-        self.ground: float | None = None
-        """m, where it stood when it was armed."""
-        self._still_since = self._landed_since = math.inf
+        """Be disarmed, which counts as landed."""
+        self.touched = self.maybe_landed = self.landed = True
+        self._touching, self._maybe, self._surely = _Lasting(STAGE), _Lasting(STAGE), _Lasting(STAGE)
+        self._idle = _Lasting(BLIND_TIME)
+        self._landed_since = math.inf
 
-    def update(self, now: float, height: float, climb: float, climb_wanted: float, throttle: float | None) -> None:
-        """Take in the estimated ``height`` m and ``climb`` m/s, and what is asked for.
+    def update(self, now: float, felt: Felt, throttle: float, climb_wanted: float | None) -> None:
+        """Take in what is ``felt``, the ``throttle`` 0..1 in force and the vertical velocity that is asked for.
 
-        That is ``throttle`` 0..1, or, where it is None, the vertical velocity ``climb_wanted`` m/s.
+        That is ``climb_wanted`` m/s: None where PX4 follows none, NaN where it has none to ask for.
         """
-        if self.ground is None:
-            self.ground = height
-        if self.landed:
-            if height > self.ground + RISEN and not self.touched:
-                self.landed = False
-                self._still_since = self._landed_since = math.inf
-            return
-        sinking = climb_wanted < DESCENDING if throttle is None else throttle < self._low
-        if not sinking or abs(climb) > STILL:
-            self._still_since = math.inf
-            self.touched = False
-            return
-        self._still_since = min(self._still_since, now)
-        still = now - self._still_since
-        self.touched = throttle is None and still >= TOUCH_TIME
-        if still >= TOUCH_TIME + LANDED_TIME:
-            self.landed, self._landed_since = True, now
+        was = self.landed
+        self.touched = self._touching.update(now, self._touches(felt, throttle, climb_wanted))
+        self.maybe_landed = self._maybe.update(now, self._rests(now, felt, throttle, climb_wanted))
+        self.landed = self._surely.update(now, self.maybe_landed)
+        if not self.landed:
+            self._landed_since = math.inf
+        elif not was:
+            self._landed_since = now
 
-    def update_blind(self, now: float, throttle: float | None) -> None:
-        """As `update` without a vertical velocity: PX4 then takes it that the vehicle moves.
+    def _touches(self, felt: Felt, throttle: float, climb_wanted: float | None) -> bool:
+        """Ground contact: too little throttle to fly, and no movement against a descent that is asked for."""
+        still = abs(felt.climb) < (WIDER if self.landed else 1.0) * RISING and not felt.sideways > SIDEWAYS
+        down = self.maybe_landed or self.landed or climb_wanted is None or climb_wanted <= -DESCENDING
+        return throttle <= self._low and still and down
 
-        Only a ``throttle`` that stays too low to fly ends that; None where PX4 gives it by itself.
-        """
-        self.touched = False
-        if throttle is None or throttle >= self._low:
-            self.landed = False
-            self._still_since = self._landed_since = math.inf
-            return
-        self._still_since = min(self._still_since, now)
-        if not self.landed and now - self._still_since >= BLIND_TIME:
-            self.landed, self._landed_since = True, now
+    def _rests(self, now: float, felt: Felt, throttle: float, climb_wanted: float | None) -> bool:
+        """As good as no throttle, no rotation, and the ground; or, without a vertical velocity, for so long."""
+        idle = throttle <= (BY_HAND_LEAST if climb_wanted is None else self._least)
+        lasting = self._idle.update(now, idle)
+        turning = felt.turning > (WIDER if self.landed else 1.0) * TURNING
+        return idle and not turning and (lasting if math.isnan(felt.climb) else self.touched)
 
     def landed_for(self, now: float) -> float:
         """s since the landing was detected; negative before any."""
-        return now - self._landed_since if self.landed else -math.inf
+        return now - self._landed_since

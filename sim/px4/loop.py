@@ -10,7 +10,7 @@ from sim.plant import Plant
 from sim.px4.commander import INFO, Commander
 from sim.px4.estimator import Ekf2, Estimate
 from sim.px4.failsafe import Battery
-from sim.px4.flight import BY_HAND, TICK, Command, Flight, attitude_rates
+from sim.px4.flight import TICK, Command, Flight, attitude_rates
 from sim.px4.modes import NavState, Need
 from sim.px4.parameters import Parameters
 
@@ -44,7 +44,7 @@ class Loop:
         self.up_since = now
         self.commander.boot(now)
         self.ekf.restart()
-        self.flight.detector.reset()
+        self.flight.disarmed()
         self._state = (self.commander.nav_state, False, True)
         self.changes += 1
         self._next_check = now + CHECK
@@ -72,7 +72,6 @@ class Loop:
     def armed(self, now: float) -> None:
         """It was armed just now."""
         self._flown = False
-        self.flight.detector.reset()
         self._enter(now)
         self._note()
 
@@ -153,7 +152,7 @@ class Loop:
         mode, armed, _ = self._state
         if armed and not self.commander.armed:
             self.plant.stop_motors()
-            self.flight.detector.reset()
+            self.flight.disarmed()
         elif armed and mode is not self.commander.nav_state:
             self._enter(now)
         self._note()
@@ -196,16 +195,12 @@ class Loop:
             commander.request(NavState.AUTO_LOITER, now)
             self.settle(now)
 
-    def _throttle(self) -> float | None:
-        """The throttle in force where no vertical velocity is followed; None where one is."""
-        mode = self.commander.nav_state
-        if mode is NavState.OFFBOARD:
-            return self._setpoint[1] if self._setpoint else 0.0
-        return float(self.parameters["MPC_THR_HOVER"]) if mode in BY_HAND else None
-
     def _watch_ground(self, now: float, estimate: Estimate) -> None:
         detector, was = self.flight.detector, self.flight.detector.landed
-        self.flight.watch_ground(now, estimate, self._throttle())
+        mode, throttle = self.commander.nav_state, self.flight.throttle
+        if mode is NavState.OFFBOARD:
+            throttle = self._setpoint[1] if self._setpoint else 0.0
+        self.flight.watch_ground(now, mode, estimate, throttle)
         if was != detector.landed:
             self.commander.tell(INFO, "Landing detected" if detector.landed else "Takeoff detected")
         self._flown |= not detector.landed

@@ -145,7 +145,7 @@ class Px4:
     def disarm(self, force: bool = False) -> Reply:
         """Disarm on the ground, or with ``force`` anywhere."""
         now, detector = self._time(), self._loop.flight.detector
-        landed = detector.landed or detector.touched
+        landed = detector.landed or detector.maybe_landed
         reply = self._loop.commander.disarm(now, "external command", landed, force)
         self._loop.settle(now)
         return reply

@@ -30,9 +30,11 @@ ACTING: dict[str, Value] = {
     "MPC_THR_HOVER": 0.5,
     "MPC_TKO_SPEED": 1.5,
     # EKF2.
-    "EKF2_BARO_CTRL": 0,
+    "EKF2_BARO_CTRL": 1,
     "EKF2_EVP_GATE": 5.0,
     "EKF2_EVP_NOISE": 0.02,
+    "EKF2_EVV_GATE": 3.0,
+    "EKF2_EVV_NOISE": 0.05,
     "EKF2_EV_CTRL": 15,
     "EKF2_EV_DELAY": 0.0,
     "EKF2_GPS_CTRL": 0,

@@ -77,7 +77,7 @@ async def test_a_badly_set_parameter_is_told_with_reason_and_term():
 
 
 async def test_what_only_makes_it_fly_worse_is_amber():
-    diagnosis = await diagnose(FakeVehicle(good_values() | {"EKF2_BARO_CTRL": 1, "CBRK_SUPPLY_CHK": 894281}))
+    diagnosis = await diagnose(FakeVehicle(good_values() | {"EKF2_BARO_CTRL": 0, "CBRK_SUPPLY_CHK": 894281}))
     assert diagnosis.light is Light.AMBER
     assert lights(diagnosis, "EKF2_BARO_CTRL") == lights(diagnosis, "CBRK_SUPPLY_CHK") == [Light.AMBER]
     assert "person" in line_of(diagnosis, "CBRK_SUPPLY_CHK").mend
@@ -335,7 +335,7 @@ async def test_json_has_every_parameter_and_its_reason():
     ("spoilt", "arguments", "answer", "status", "written"),
     [
         ({}, [], "", 0, 0),
-        ({"EKF2_BARO_CTRL": 1}, [], "", 0, 0),
+        ({"EKF2_BARO_CTRL": 0}, [], "", 0, 0),
         ({"COM_OF_LOSS_T": 1.0}, [], "", 1, 0),
         ({"COM_OF_LOSS_T": 1.0}, ["--fix"], "n\n", 1, 0),
         ({"COM_OF_LOSS_T": 1.0}, ["--fix"], "y\n", 0, 1),

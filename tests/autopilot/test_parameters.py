@@ -104,8 +104,8 @@ def test_the_table_is_well_formed(profile):
 
 def test_what_was_measured_to_fly_without_a_remote_control_is_as_wanted():
     flown = {
-        "EKF2_GPS_CTRL": 0, "SYS_HAS_GPS": 0, "EKF2_MAG_TYPE": 5, "SYS_HAS_MAG": 0, "EKF2_BARO_CTRL": 0,
-        "EKF2_RNG_CTRL": 0, "EKF2_HGT_REF": 3, "EKF2_EV_CTRL": 15, "EKF2_EV_NOISE_MD": 1, "EKF2_EVP_NOISE": 0.02,
+        "EKF2_GPS_CTRL": 0, "SYS_HAS_GPS": 0, "EKF2_MAG_TYPE": 5, "SYS_HAS_MAG": 0, "EKF2_RNG_CTRL": 0,
+        "EKF2_HGT_REF": 3, "EKF2_EV_CTRL": 15, "EKF2_EV_NOISE_MD": 1, "EKF2_EVP_NOISE": 0.02,
         "EKF2_EVA_NOISE": 0.02, "EKF2_EVV_NOISE": 0.05, "COM_RC_IN_MODE": 4, "COM_RCL_EXCEPT": 7, "NAV_DLL_ACT": 0,
         "COM_DLL_EXCEPT": 7, "COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4, "COM_ARM_WO_GPS": 2,
     }  # fmt: skip

@@ -164,3 +164,30 @@ def test_a_delay_that_is_told_is_corrected():
         errors[told] = abs(np.mean(late[-20:]))
     assert errors[60.0] < 0.1
     assert errors[0.0] > 0.25
+
+
+def test_velocities_that_contradict_the_positions_are_rejected_then_reset_to():
+    bench = Px4Bench().hovering()
+    bench.seeing = False
+    slipping, off = np.array((3.0, 0.0, 0.0)), []
+    for _ in range(70):
+        bench.px4.external_vision(
+            bench.now, bench.plant.position, bench.plant.orientation, bench.plant.velocity + slipping, 0
+        )
+        bench.run(0.02)
+        off.append(bench.px4.estimate().velocity[0] - bench.plant.velocity[0])
+    assert np.abs(off[:45]).max() < 0.5
+    assert max(off[45:60]) > 2.0
+
+
+def test_the_barometer_bounds_how_fast_a_blind_estimate_sinks():
+    worst = {}
+    for baro in (0, 1):
+        bench = Px4Bench(EKF2_BARO_CTRL=baro, seed=4).hovering()
+        bench.seeing = False
+        errors = []
+        for _ in range(80):
+            bench.run(0.5)
+            errors.append(bench.px4.estimate().velocity[2] - bench.plant.velocity[2])
+        worst[baro] = float(np.abs(errors).max())
+    assert worst[1] < 0.7 < worst[0]

@@ -65,7 +65,7 @@ def test_offboard_loss_may_hold_disarm_or_terminate():
 
 
 def test_losing_vision_in_takeoff_ends_in_a_descent():
-    bench = Px4Bench(EKF2_BARO_CTRL=1).hovering()
+    bench = Px4Bench().hovering()
     bench.seeing = False
     took = bench.wait(lambda: bench.px4.nav_state is not NavState.AUTO_TAKEOFF)
     assert 5.35 < took < 5.6
@@ -76,7 +76,7 @@ def test_losing_vision_in_takeoff_ends_in_a_descent():
 
 
 def test_without_any_height_a_descent_comes_down_but_never_notices():
-    bench = Px4Bench().hovering()
+    bench = Px4Bench(EKF2_BARO_CTRL=0).hovering()
     bench.seeing = False
     bench.wait(lambda: bench.px4.nav_state is NavState.DESCEND)
     falling = 0.0
@@ -100,7 +100,7 @@ def test_offboard_with_body_rates_outlives_the_position():
 
 
 def test_without_any_height_only_lasting_low_thrust_counts_as_landed():
-    bench = Px4Bench(COM_DISARM_PRFLT=3.0)
+    bench = Px4Bench(COM_DISARM_PRFLT=3.0, EKF2_BARO_CTRL=0)
     bench.seeing = False
     bench.px4.set_mode(NavState.OFFBOARD)
     bench.stream = (0.0, 0.0, 0.0, 0.5 * bench.hover)
@@ -109,7 +109,8 @@ def test_without_any_height_only_lasting_low_thrust_counts_as_landed():
     bench.run(5.0)
     assert not bench.px4.on_ground
     bench.stream = (0.0, 0.0, 0.0, 0.0)
-    assert bench.wait(lambda: bench.px4.on_ground) == pytest.approx(8.0, abs=0.2)
+    # Three looks that must last, of which there are ten in a second while setpoints are followed.
+    assert bench.wait(lambda: bench.px4.on_ground) == pytest.approx(8.0 + 2.0 / 3.0, abs=0.3)
     assert bench.wait(lambda: not bench.px4.armed) == pytest.approx(1.0, abs=0.15)
 
 
