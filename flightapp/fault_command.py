@@ -14,7 +14,9 @@ from rich.table import Table
 
 from flightapp import app
 from flightapp.bus import Bus
-from flightapp.evaluation.fault_matrix import Cell, Seen, Stages, Statement, departure
+from flightapp.config import Config
+from flightapp.evaluation.fault_matrix import CLEARING, Cell, Seen, Stages, Statement, departure
+from flightapp.evaluation.forced import is_forced
 from flightapp.evaluation.sweep import wilson_interval
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Rig
@@ -22,6 +24,7 @@ from flightapp.messages import AutopilotStatus, Collision, GroundTruth, Phase
 from flightapp.modules import find
 from flightapp.safety.faults import Fault, FaultKind, Stage
 from flightapp.safety.table import TABLE, reaction_to
+from flightapp.track import Track
 
 THINNED = 4
 """Of the true motion every fourth sample is kept."""
@@ -107,6 +110,7 @@ class _Outcome:
     seed: int
     departure: str
     crash: str
+    forced: bool = False
 
 
 def cells_of(only: Sequence[FaultKind]) -> list[tuple[FaultKind, Stage]]:
@@ -129,7 +133,7 @@ def run_faults(options: FaultOptions, workers: int, advance: Callable[[bool], No
         for kind, stage in wanted
     )
     for outcome in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
-        cells[outcome.kind, outcome.stage].add(outcome.seed, outcome.departure, outcome.crash)
+        cells[outcome.kind, outcome.stage].add(outcome.seed, outcome.departure, outcome.crash, outcome.forced)
         advance(not outcome.departure and not outcome.crash)
     return list(cells.values())
 
@@ -173,6 +177,7 @@ def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: in
         pushed=trial.pushed,
         slow=config.planning.pace_min * config.race.v_max,
         patience=config.safety.hold_time,
+        clearing=CLEARING if stage is Stage.FLYING and not TABLE[kind].adrift else 0.0,
     )
     try:
         seen, _ = _fly(broken)
@@ -181,20 +186,31 @@ def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: in
     except Exception as error:  # a flight that breaks is what this looks for
         return _Outcome(kind, stage, seed, f"{type(error).__name__}: {error}", "")
     hit = sorted({touch.obstacle for touch in seen.collisions})
-    crash = f"hit {', '.join(hit)}" if hit and not trial.forced else ""
+    forced = bool(hit) and (trial.forced or _forced(seen, moment, provocation.blind, mission.track, config))
+    crash = f"hit {', '.join(hit)}" if hit and not forced else ""
     where = f"at {moment:.2f} s: "
     why = departure(said, seen)
-    return _Outcome(kind, stage, seed, where + why if why else "", where + crash if crash else "")
+    return _Outcome(kind, stage, seed, where + why if why else "", where + crash if crash else "", forced)
+
+
+def _forced(seen: Seen, moment: float, blind: float | None, track: Track, config: Config) -> bool:
+    """Whether what was hit first could not be avoided from the ``moment`` on; what follows from it doesn't count."""
+    first = min(seen.collisions, key=lambda touch: touch.stamp)
+    if blind is None or first.stamp < moment:
+        return False
+    row = int(np.searchsorted(seen.stamp, moment))
+    place, speed = seen.position[row], float(seen.speed[row])
+    return is_forced(track, first.obstacle, place, speed, config.vehicle.radius, blind)
 
 
 def fault_table(cells: Sequence[Cell]) -> Table:
     """The matrix, and what was not as stated."""
-    table = Table("fault", "phase", "reaction", "runs", "as stated", "95 % interval", "crashes")
+    table = Table("fault", "phase", "reaction", "runs", "as stated", "95 % interval", "crashes", "forced")
     for cell in cells:
         low, high = wilson_interval(cell.as_stated, cell.runs)
         interval = f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
-        row = (cell.kind, cell.stage, cell.reaction, str(cell.runs), str(cell.as_stated), interval, str(cell.crashes))
-        table.add_row(*row, style=None if cell.good else "red")
+        counts = (str(cell.runs), str(cell.as_stated), interval, str(cell.crashes), str(cell.forced))
+        table.add_row(cell.kind, cell.stage, cell.reaction, *counts, style=None if cell.good else "red")
     return table
 
 

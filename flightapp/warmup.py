@@ -11,6 +11,7 @@ from flightapp.interfaces import Limits, Motion, PlanningError, PlanRequest
 from flightapp.messages import GateEstimate, GateSighting, ImuSample, PoseSample, Sightings, VehicleState
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.answer import Answerer
+from flightapp.planning.below import Below
 from flightapp.planning.braking import Brakes
 from flightapp.planning.geofence import Geofence
 from flightapp.planning.goal import Goal
@@ -47,7 +48,7 @@ def warm_up(config: Config, track: Track, spare: Modules) -> None:
     spare.planner.through(np.array([AHEAD]), request)
     with contextlib.suppress(PlanningError):
         spare.planner.plan(replace(request, shape=track.gate, obstacles=(POST,)))
-    _decide(config, spare, replace(request, shape=track.gate), trajectory)
+    _decide(config, track, spare, replace(request, shape=track.gate), trajectory)
     if state is not None:
         spare.controller.command(state.stamp, state, trajectory)
         expected_regions(
@@ -77,7 +78,7 @@ def _estimate(config: Config, track: Track, spare: Modules) -> tuple[VehicleStat
     return state, gate_id
 
 
-def _decide(config: Config, spare: Modules, request: PlanRequest, trajectory: Trajectory) -> None:
+def _decide(config: Config, track: Track, spare: Modules, request: PlanRequest, trajectory: Trajectory) -> None:
     """What is done with a plan between the planner and the line."""
     goal = Goal(request.end, request.limits, gate_ids=tuple(gate.gate_id for gate in request.gates))
     aside = replace(request.gates[0], position=ASIDE)
@@ -87,7 +88,7 @@ def _decide(config: Config, spare: Modules, request: PlanRequest, trajectory: Tr
     stamp, moving = trajectory.stamp, replace(request.start, velocity=AHEAD)
     next(pacer.offers(trajectory, replace(request, start=moving), SLOWED))
     paced(trajectory, 0.0, Pace(stamp, 1.0, SLOWED, trajectory.duration), stamp)
-    Brakes(config).brake(trajectory, stamp, request.limits)
+    Brakes(config).brake(trajectory, stamp, request.limits, Below(config, track, request.gates).free)
     fence = Geofence.of(config.geofence)
     fence.outside(AHEAD)
     fence.exit(trajectory)

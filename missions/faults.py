@@ -8,7 +8,7 @@ SETTINGS = {"race.v_max": 3.0, "mission.takeoff_height": 1.4, "race.search_timeo
 
 async def mission(drone):
     """Wait until everybody has stepped back, take off, race, land."""
-    await asyncio.sleep(3.0)
+    await asyncio.sleep(4.0)
     await drone.takeoff()
     await drone.race()
     await drone.land()

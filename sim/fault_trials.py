@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from random import Random
 
 from flightapp.evaluation.fault_matrix import Stages
@@ -19,6 +19,12 @@ DRAWS = 200
 """Moments that are drawn until one is not."""
 SPOOLED = 1.5
 """s after arming at which the vehicle is in the air."""
+BLIND = 0.9
+"""s from the last pose to the autopilot's landing: estimation.coast, safety.state_timeout and guard.hold."""
+DOUBTING = 0.3
+"""s in which poses that contradict the state are noticed, and safety.doubt_time."""
+CUT_OFF = 0.6
+"""s from the last command to the autopilot's landing: COM_OF_LOSS_T and its next check."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,9 @@ class Provocation:
     entries: tuple[Entry, ...]
     lasts: float = math.inf
     """s from the moment until it is over."""
+    blind: float | None = None
+    """s from the moment for which nobody slows the vehicle down before the autopilot does by itself, so that it can't
+    but hit what is nearer than that (`evaluation.forced`); None where the application goes on flying it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +80,14 @@ class Trial:
         return earliest
 
 
-def _one(name: str, value: float | str, lasts: float = math.inf) -> Callable[[float, Random], Provocation]:
-    return lambda t, _: Provocation(((t, name, value),), lasts)
+def _one(
+    name: str, value: float | str, lasts: float = math.inf, blind: float | None = None
+) -> Callable[[float, Random], Provocation]:
+    return lambda t, _: Provocation(((t, name, value),), lasts, blind)
 
 
-def _for_a_while(name: str, seconds: float) -> Callable[[float, Random], Provocation]:
-    return _one(name, seconds, seconds)
+def _for_a_while(name: str, seconds: float, blind: float | None = None) -> Callable[[float, Random], Provocation]:
+    return _one(name, seconds, seconds, blind)
 
 
 def _passing_or_not(name: str, seconds: float) -> Callable[[float, Random], Provocation]:
@@ -105,16 +116,19 @@ def _battery(before: float, after: float) -> Callable[[float, Random], Provocati
 
 
 def _pilot(t: float, _: Random) -> Provocation:
-    """Takes the vehicle over, and lands it."""
-    return Provocation(((t, "pilot", "POSCTL"), (t + 1.5, "pilot", "AUTO_LAND")))
+    """Takes the vehicle over, brakes, flies clear and lands."""
+    return Provocation(((t, "pilot", "POSCTL"), (t, "pilot_lands", 1.5)), blind=0.0)
 
 
 def _driver(t: float, random: Random) -> Provocation:
-    return Provocation(((t, "task_failing", random.choice(("camera", "tracker"))),))
+    source = random.choice(("camera", "tracker"))
+    return Provocation(((t, "task_failing", source),), blind=BLIND if source == "tracker" else None)
 
 
-def _each(provoke: Callable[[float, Random], Provocation], notice: float) -> dict[Stage, Trial]:
-    return {stage: Trial(provoke, notice) for stage in Stage}
+def _each(
+    provoke: Callable[[float, Random], Provocation], notice: float, settings: tuple[str, ...] = ()
+) -> dict[Stage, Trial]:
+    return {stage: Trial(provoke, notice, settings) for stage in Stage}
 
 
 def _later(trials: dict[Stage, Trial], **others: Trial) -> dict[Stage, Trial]:
@@ -123,11 +137,12 @@ def _later(trials: dict[Stage, Trial], **others: Trial) -> dict[Stage, Trial]:
 
 NARROW = ("geofence.corners=[[-5.0, -0.8], [20.0, 0.8]]", "geofence.margin=0.1")
 ELSEWHERE = ("geofence.corners=[[3.0, -5.0], [20.0, 5.0]]",)
+NOT_LOW = ("safety.battery_low=0.1",)
 PATIENT = ("safety.tracking_error=5.0", "safety.speed_margin=10.0")
 
 TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
-    Kind.STATE_UNTRUSTED: _each(_one("pose_slipping", 3.0), 0.7),
-    Kind.POSE_LOST: _each(_one("pose_silent", LASTING), 1.0),
+    Kind.STATE_UNTRUSTED: _each(_one("pose_slipping", 3.0, blind=DOUBTING), 0.7),
+    Kind.POSE_LOST: _each(_one("pose_silent", LASTING, blind=BLIND), 1.0),
     Kind.CAMERA_LOST: _later(
         _each(_one("camera_silent", LASTING), 1.2),
         takeoff=Trial(_for_a_while("camera_silent", 1.3), 1.2, before_end=0.8),
@@ -162,18 +177,22 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         Stage.FLYING: Trial(_one("tipped", 180.0), 2.5, ("mission.takeoff_height=0.6",), within=0.0, forced=True),
         Stage.LANDING: Trial(_one("tipped", 180.0), 1.5, from_end=1.9, forced=True),
     },
-    Kind.BATTERY_LOW: _each(_battery(0.26, 0.18), 1.2),
-    Kind.BATTERY_CRITICAL: {
-        stage: replace(trial, settings=("safety.battery_low=0.1",))
-        for stage, trial in _each(_battery(0.17, 0.09), 1.2).items()
-    },
-    Kind.LINK_LOST: _each(_for_a_while("link_silent", 2.5), 2.6),
+    Kind.BATTERY_LOW: _later(
+        _each(_battery(0.26, 0.18), 1.2), landing=Trial(_battery(0.26, 0.18), 1.2, before_end=0.5)
+    ),
+    Kind.BATTERY_CRITICAL: _later(
+        _each(_battery(0.17, 0.09), 1.2, NOT_LOW),
+        landing=Trial(_battery(0.17, 0.09), 1.2, NOT_LOW, before_end=0.5),
+    ),
+    Kind.LINK_LOST: _each(_for_a_while("link_silent", 2.5, CUT_OFF), 2.6),
     Kind.TAKEN_OVER: {
         Stage.TAKEOFF: Trial(_pilot, 0.3, begin=SPOOLED),
         Stage.FLYING: Trial(_pilot, 0.3),
         Stage.LANDING: Trial(_pilot, 0.3, before_end=1.8),
     },
-    Kind.NO_COMMAND: {Stage.FLYING: Trial(_one("loop_stall", 0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))},
+    Kind.NO_COMMAND: {
+        Stage.FLYING: Trial(_one("loop_stall", 0.2, blind=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))
+    },
     Kind.OVERLOAD: _later(
         _each(_one("loop_busy", LASTING), 3.4),
         takeoff=Trial(_for_a_while("loop_busy", 2.4), 2.7, before_end=0.5),

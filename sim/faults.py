@@ -25,6 +25,7 @@ the time at which it was captured. What lasts, lasts to the end of the flight wh
 |                   |               | ground                                                                        |
 | battery           | 0..1          | that is left of the charge                                                    |
 | pilot             | mode          | a pilot with a transmitter chooses a mode by its name in PX4, such as POSCTL   |
+| pilot_lands       | s             | who has taken over brakes for so long at least, flies clear, and lands        |
 | link_silent       | s             | nothing gets through to the autopilot or back                                 |
 | loop_stall        | s             | the application's event loop has no turn                                      |
 | loop_busy         | s             | for so long it has no turn for `BUSY` of every `BUSY` + `IDLE`                 |
@@ -163,6 +164,7 @@ KINDS: Mapping[str, Callable[[Value], Amount]] = MappingProxyType(
         "tipped": _one,
         "battery": _share,
         "pilot": _mode,
+        "pilot_lands": _duration,
         "link_silent": _duration,
         "loop_stall": _duration,
         "loop_busy": _duration,

@@ -1,21 +1,27 @@
 """What is done to the vehicle and to its autopilot where sim.faults says so."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from flightapp.config import Config
+from flightapp.track import Track
 from sim.autopilot import SimAutopilot
 from sim.faults import TIPPING, Fault, named
+from sim.pilot import Pilot
 from sim.px4.modes import NavState
 
 
 class VehicleFaults:
-    """Lets faults of the vehicle begin and end as time goes on."""
+    """Lets faults of the vehicle begin and end as time goes on; ``track`` tells how everything stands."""
 
-    def __init__(self, faults: Sequence[Fault], autopilot: SimAutopilot) -> None:
-        self._autopilot = autopilot
-        self._waiting = list(named(faults, "gust", "tipped", "battery", "pilot", "link_silent"))
+    def __init__(
+        self, faults: Sequence[Fault], autopilot: SimAutopilot, config: Config, track: Callable[[], Track]
+    ) -> None:
+        self._autopilot, self._config, self._track = autopilot, config, track
+        self._waiting = list(named(faults, "gust", "tipped", "battery", "pilot", "pilot_lands", "link_silent"))
+        self._pilot: Pilot | None = None
         self._gusts: list[Fault] = []
         self._tipping: Fault | None = None
         self._upright = autopilot.plant.orientation
@@ -30,6 +36,8 @@ class VehicleFaults:
             self._begin(self._waiting.pop(0))
         if self._tipping is not None:
             self._tip(self._tipping, now)
+        if self._pilot is not None and self._pilot.fly(now):
+            self._pilot = None
         if len(self._gusts) != blowing:
             x, y = (math.fsum(gust.amount[axis] for gust in self._gusts) for axis in range(2))
             self._autopilot.plant.blow(np.array((x, y, 0.0)))
@@ -52,5 +60,7 @@ class VehicleFaults:
             self._autopilot.plant.charge = amount
         elif fault.name == "pilot":
             self._autopilot.px4.pilot(NavState(int(amount)))
+        elif fault.name == "pilot_lands":
+            self._pilot = Pilot(self._config, self._track(), self._autopilot.px4, fault.begin + amount)
         else:
             self._autopilot.silent_until = fault.end

@@ -45,7 +45,7 @@ class World:
         )
         self.autopilot = SimAutopilot(config, self.plant, autopilot_seed, time)
         self.px4 = self.autopilot.px4
-        self._faults = VehicleFaults(faults, self.autopilot)
+        self._faults = VehicleFaults(faults, self.autopilot, config, lambda: self.track)
         self._imu = Imu(imu_seed)
         self.referee = Referee(track, vehicle.radius, config.mission.laps)
         self.truth = GroundTruthFeed(

@@ -16,6 +16,7 @@ from flightapp.inputs import validate
 from flightapp.interfaces import Autopilot, Limits, PlanningError
 from flightapp.messages import Outcome, Phase
 from flightapp.mission.machine import MissionMachine
+from flightapp.planning.below import Below
 from flightapp.planning.braking import Brakes
 from flightapp.planning.line import Line
 from flightapp.track import Track
@@ -62,13 +63,15 @@ class Context:
         return Limits(race.v_max, race.a_max, self.config.vehicle.yaw_rate_max)
 
     def halt(self) -> None:
-        """Give up what was to be reached: brake along the line, and stay where it ends then."""
+        """Give up what was to be reached: brake along the line, to where nothing stands below, and stay there."""
         self.bus.goal.publish(None)
         flown = self.line.latest
         if flown is None:
             return
         stamp = max(self.now() + BRAKE_LEAD, flown.stamp)
-        braked = Brakes(self.config).brake(flown, stamp, self.limits)
+        gate_map = self.bus.gate_map.latest
+        below = Below(self.config, self.track, gate_map.gates if gate_map else ())
+        braked = Brakes(self.config).brake(flown, stamp, self.limits, below.free)
         if braked is None:
             return
         try:

@@ -13,6 +13,12 @@ from flightapp.messages import AutopilotStatus, Event, FlightMode, Outcome, Phas
 
 ASK_AGAIN = 1.0
 """s without news of the autopilot until the landing is asked for again."""
+STOPPING = 6.0
+"""s that coming to rest along the line, beyond what stands below, may take."""
+LOOK = 0.02
+"""s between looks at whether it goes well."""
+COMMAND_AGE = 0.2
+"""s, an older last command shows that none are sent any more."""
 NEWS = 0.3
 """s that a landing waits at most for the autopilot's present mode: after a stall of the process a pilot may fly."""
 PILOTED = frozenset(FlightMode) - LANDING - {FlightMode.TAKEOFF, FlightMode.HOLD, FlightMode.OFFBOARD}
@@ -40,10 +46,11 @@ class Emergency(Behavior[Parameters]):
         return Phase.ABORTED
 
     async def run(self) -> Result:
-        """No line any more; land, again while nobody answers."""
+        """To rest, while that goes well; then no line any more, and land, again while nobody answers."""
         context = self.context
         context.machine.go(Phase.ABORTED, context.now(), "emergency")
-        context.bus.goal.publish(None)
+        context.halt()
+        await come_to_rest(context)
         context.line.clear()
         await heard(context)
         if why := await land_until_down(context, lambda: piloted(context)):
@@ -52,6 +59,36 @@ class Emergency(Behavior[Parameters]):
 
     def stopped(self) -> None:
         """Nothing: the autopilot goes on landing."""
+
+
+async def come_to_rest(context: Context, adrift: Callable[[], str] = lambda: "") -> str:
+    """Let the line, which ends at rest, be flown to its end, unless ``adrift`` or anything else speaks against it.
+
+    What that is, in words; empty where it rests.
+    """
+    give_up = context.now() + STOPPING
+    while not context.line.at_rest(context.now()):
+        if why := adrift() or _unsound(context):
+            return why
+        if context.now() > give_up:
+            return f"not at rest within {STOPPING:g} s"
+        await asyncio.sleep(LOOK)
+    return ""
+
+
+def _unsound(context: Context) -> str:
+    """Why the line is not to be flown on; empty where all that it takes is there."""
+    bus, now, status = context.bus, context.now(), context.autopilot.status.latest
+    state, command = bus.state.latest, bus.command.latest
+    if context.line.latest is None:
+        return "no line is flown"
+    if status is None or status.mode is not FlightMode.OFFBOARD or now - status.stamp > context.config.link.lost_after:
+        return "the autopilot does not follow commands"
+    if state is None or state.doubt or now - state.stamp > context.config.safety.state_timeout:
+        return "there is no state to be trusted"
+    if command is None or now - command.stamp > COMMAND_AGE:
+        return "no commands are sent"
+    return ""
 
 
 async def land_until_down(

@@ -26,6 +26,8 @@ SLOWING = 2.5
 """s, longest time in which the pace is reduced, beyond that."""
 STOPPING = 4.0
 """s, longest time from being noticeable to standing."""
+CLEARING = 5.0
+"""s, longest time from being noticeable to the landing of a vehicle that comes to rest beyond what stands below."""
 FASTER = 1.1
 """By which a slow flight may be faster than its share of the greatest speed."""
 ASTRAY = 1.5
@@ -109,6 +111,8 @@ class Statement:
     """m/s, what a slow flight may reach."""
     patience: float
     """s of hovering before a landing."""
+    clearing: float = 0.0
+    """s that it may fly on before a landing."""
 
 
 def departure(said: Statement, seen: Seen) -> str:
@@ -164,7 +168,7 @@ def _refuses(said: Statement, seen: Seen) -> str:
 
 
 def _lands(said: Statement, seen: Seen) -> str:
-    return _landed(seen, said.begin, said.begin + said.notice + PROMPT)
+    return _landed(seen, said.begin, said.begin + said.notice + PROMPT + said.clearing)
 
 
 def _landed(seen: Seen, begin: float, by: float) -> str:
@@ -213,12 +217,15 @@ class Cell:
     as_stated: int = 0
     crashes: int = 0
     """That the fault does not force."""
+    forced: int = 0
+    """Flights in which something was hit that the fault forces on the vehicle."""
     departures: list[tuple[int, str]] = field(default_factory=list)
     """Seeds, and what was seen instead."""
 
-    def add(self, seed: int, departure: str, crash: str) -> None:
+    def add(self, seed: int, departure: str, crash: str, forced: bool = False) -> None:
         """Count one flight: what was not as stated, and what was hit without need; both are mostly empty."""
         self.runs += 1
+        self.forced += forced
         self.as_stated += not departure
         self.crashes += bool(crash)
         if why := "; ".join(text for text in (departure, crash) if text):
@@ -241,6 +248,7 @@ def matrix_json(cells: Sequence[Cell]) -> dict[str, Any]:
                 "runs": cell.runs,
                 "as_stated": cell.as_stated,
                 "crashes": cell.crashes,
+                "forced": cell.forced,
                 "ci95": list(wilson_interval(cell.as_stated, cell.runs)),
                 "departures": [{"seed": seed, "why": why} for seed, why in cell.departures],
             }

@@ -12,7 +12,7 @@ from typing import Any
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.behaviors.base import Context
 from flightapp.behaviors.coordinator import LETTING_GO, Coordinator
-from flightapp.behaviors.emergency import heard, land_until_down, piloted
+from flightapp.behaviors.emergency import come_to_rest, heard, land_until_down, piloted
 from flightapp.channel import Reader
 from flightapp.interfaces import Autopilot
 from flightapp.messages import Event, Outcome, Phase
@@ -163,6 +163,8 @@ class Supervisor:
         """Have the autopilot land, or leave it to whoever has taken over; end with the flight, not before."""
         context = self._context
         context.machine.go(Phase.ABORTED, context.now(), cause)
+        if context.line.latest is not None and (why := await come_to_rest(context, lambda: self._faults.adrift)):
+            self._event(f"it lands right here: {why}")
         context.line.clear()
         patience = context.config.mission.land_timeout
         try:

@@ -1,8 +1,10 @@
 """Coming to rest along the line being flown: its path, which is known to be free, at a rate that falls to nothing."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flightapp.config import Config
 from flightapp.frames import Vector
@@ -13,6 +15,11 @@ from flightapp.trajectory import Trajectory
 
 RAMPS = (0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 6.0)
 """s, durations of the braking that are tried, the shortest first."""
+FURTHER = 0.05
+"""s of the line's own time between places to stop at that are looked at."""
+
+Free = Callable[[Vector], NDArray[np.bool_]]
+"""Whether each of (n, 3) m is a place to stop at."""
 
 
 class Brakes:
@@ -24,21 +31,50 @@ class Brakes:
         self._least = config.guard.thrust_min
         self._turning = planning.rate_share * vehicle.rate_max
 
-    def brake(self, flown: Trajectory, stamp: float, limits: Limits) -> Trajectory | None:
+    def brake(self, flown: Trajectory, stamp: float, limits: Limits, free: Free | None = None) -> Trajectory | None:
         """``flown`` from ``stamp`` on, brought to rest along its own path as soon as the limits allow.
 
-        None where it is at its end before that could make a difference. It takes over from ``flown`` without a jump.
-        Where no braking keeps to the limits (``flown`` itself does not) the longest is taken.
+        Where that would not be at a ``free`` place it goes on to the next one, if there is any, before it brakes, so
+        that the braking may begin later than ``stamp``. None where ``flown`` is at its end before any of it could make
+        a difference, or ends at the next free place. It takes over from ``flown`` without a jump. Where no braking
+        keeps to the limits (``flown`` itself does not) the longest is taken.
         """
-        begun, braked = stamp - flown.stamp, None
+        begun, braked, stop = stamp - flown.stamp, None, 0.0
         for ramp in RAMPS:
             if begun + 0.5 * ramp >= flown.duration:
                 break
-            ahead = _until(flown, begun + 0.5 * ramp)
-            braked = paced(ahead, begun, Pace(stamp, 1.0, 0.0, ramp), stamp)
-            if self._can(braked, ahead, limits):
+            stop = begun + 0.5 * ramp
+            braked, good = self._rest(flown, begun, stop, limits)
+            if good:
                 break
-        return braked
+        if braked is None or free is None or free(flown.sample(np.array([stop])).position)[0]:
+            return braked
+        return self._further(flown, begun, stop, limits, free, braked)
+
+    def _further(
+        self, flown: Trajectory, begun: float, stop: float, limits: Limits, free: Free, braked: Trajectory
+    ) -> Trajectory | None:
+        """To rest at the first free place after ``stop``; ``braked`` where there is none."""
+        stops = np.append(np.arange(stop, flown.duration, FURTHER)[1:], flown.duration)
+        among = stops[free(flown.sample(stops).position)]
+        if among.size == 0:
+            return braked
+        if among[0] == flown.duration:
+            return None
+        later = braked
+        for ramp in RAMPS:
+            if among[0] - 0.5 * ramp < begun:
+                break
+            later, good = self._rest(flown, among[0] - 0.5 * ramp, among[0], limits)
+            if good:
+                break
+        return later
+
+    def _rest(self, flown: Trajectory, begin: float, stop: float, limits: Limits) -> tuple[Trajectory, bool]:
+        """``flown``, braked from ``begin`` on to rest at ``stop`` (s of its own), and whether that is in the limits."""
+        ahead, stamp = _until(flown, stop), flown.stamp + begin
+        braked = paced(ahead, begin, Pace(stamp, 1.0, 0.0, 2.0 * (stop - begin)), stamp)
+        return braked, self._can(braked, ahead, limits)
 
     def _can(self, braked: Trajectory, ahead: Trajectory, limits: Limits) -> bool:
         asked, own = braked.limits(), ahead.limits()

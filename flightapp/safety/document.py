@@ -1,7 +1,7 @@
 """The fault table as a page of the documentation."""
 
 from flightapp.safety.faults import MEANINGS, Stage
-from flightapp.safety.table import TABLE
+from flightapp.safety.table import LAND, TABLE
 
 INTRODUCTION = """# Faults
 
@@ -26,5 +26,6 @@ def document() -> str:
     for kind, row in TABLE.items():
         cannot = f" Not in other phases: {row.cannot}." if row.cannot else ""
         race = " The race sees to it." if row.by_race else ""
-        lines += [f"**{kind}.** {row.what} {row.why}{race}{cannot}", ""]
+        here = " It lands right where it is." if row.adrift and LAND in row.reactions.values() else ""
+        lines += [f"**{kind}.** {row.what} {row.why}{here}{race}{cannot}", ""]
     return "\n".join(lines).rstrip() + "\n"

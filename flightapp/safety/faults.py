@@ -83,9 +83,11 @@ _ORDER = {reaction: place for place, reaction in enumerate(Reaction)}
 MEANINGS = {
     Reaction.CONTINUE: "it is logged, and what is under way goes on",
     Reaction.SLOW: "the line is flown at the pace planning.pace_min for as long as the fault lasts",
-    Reaction.HOLD: "it stops along the line and hovers until the fault is over, or for safety.hold_time; then it lands",
+    Reaction.HOLD: "it stops along the line, where nothing stands below, and hovers until the fault is over, or for"
+    " safety.hold_time; then it lands",
     Reaction.REFUSE: "the mission ends before the vehicle is armed",
-    Reaction.LAND: "the mission ends and the autopilot is asked to land here, again and again until it answers",
+    Reaction.LAND: "the mission ends; it stops along the line, beyond what stands below, where state, line and"
+    " commands are sound; then the autopilot is asked to land, again and again until it answers",
     Reaction.KILL: "the motors are stopped at once",
     Reaction.HAND_BACK: "the mission ends; nothing is sent and nothing is asked of the autopilot any more",
 }

@@ -14,8 +14,9 @@ OURS = frozenset({FlightMode.LAND, FlightMode.DESCEND, FlightMode.TAKEOFF, Fligh
 """Modes that the application asks for, or that PX4 falls back to after that."""
 LYING = 0.3
 """m/s, slower than this the vehicle does not move."""
-OVERLOADED = 1.1
-"""s of overload: ticks are counted by the second, and one bad second (finding the link, say) is none."""
+OVERLOADED, OVERLOADED_BEFORE = 1.1, 2.1
+"""s of overload: ticks are counted by the second, and one bad second (finding the link, say) is none; before the
+vehicle is armed two are none, as there everything else begins too."""
 STARTUP = 5.0
 """s that the first image may take."""
 
@@ -78,6 +79,12 @@ class Condition:
     """s for which it must be wrong."""
     clear: float = 0.5
     """s for which it must be right to be over; infinite where it never is."""
+    before: float | None = None
+    """s for which it must be wrong before the vehicle is armed; None: as after that."""
+
+    def patience(self, stage: Stage) -> float:
+        """s for which it must be wrong in ``stage``."""
+        return self.before if self.before is not None and stage is Stage.PREFLIGHT else self.after
 
 
 class _Watched:
@@ -94,7 +101,7 @@ class _Watched:
         if text:
             self._right_since = math.nan
             self._wrong_since = now if math.isnan(self._wrong_since) else self._wrong_since
-            if self._present or now - self._wrong_since < condition.after:
+            if self._present or now - self._wrong_since < condition.patience(readings.stage):
                 return None
             self._present = True
             return Fault(now, condition.kind, text)
@@ -132,7 +139,7 @@ def conditions(config: Config, gates: bool) -> tuple[Condition, ...]:
         Condition(FaultKind.BATTERY_CRITICAL, own.battery_critical, 1.0, math.inf),
         Condition(FaultKind.LINK_LOST, own.link, clear=0.0),
         Condition(FaultKind.TAKEN_OVER, own.pilot, 0.1, math.inf),
-        Condition(FaultKind.OVERLOAD, own.overload, OVERLOADED, 1.0),
+        Condition(FaultKind.OVERLOAD, own.overload, OVERLOADED, 1.0, OVERLOADED_BEFORE),
         Condition(FaultKind.DISK_FULL, own.disk),
         Condition(FaultKind.LOG_FAILING, own.log, 0.0, math.inf),
         Condition(FaultKind.CLOCK_JUMP, own.clock, 0.0, 1.0),

@@ -18,6 +18,11 @@ class PresentFaults:
         self._present.setdefault(fault.kind, fault)
         return new
 
+    @property
+    def adrift(self) -> str:
+        """The first fault with which state, line or commands are lost; empty where there is none."""
+        return next((str(fault) for kind, fault in self._present.items() if TABLE[kind].adrift), "")
+
     def gravest(self, stage: Stage) -> tuple[Reaction, Fault | None]:
         """The gravest reaction in ``stage``, and the first fault that calls for it; None where nothing is to be done.
 

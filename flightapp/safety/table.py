@@ -24,6 +24,8 @@ class Row:
     """Whether the vehicle stands already, so that to hold what is under way may go on trying."""
     by_race: bool = False
     """Whether the race itself sees to it, whose result the mission may judge, and the supervisor only logs it."""
+    adrift: bool = False
+    """Whether state, line or commands are lost with it, so that a landing begins right where the vehicle is."""
 
 
 def _row(
@@ -36,10 +38,17 @@ def _row(
     cannot: str = "",
     stands: bool = False,
     by_race: bool = False,
+    adrift: bool = False,
 ) -> Row:
     named = zip(Stage, (preflight, takeoff, flying, landing), strict=True)
     return Row(
-        what, {stage: reaction for stage, reaction in named if reaction is not None}, why, cannot, stands, by_race
+        what,
+        {stage: reaction for stage, reaction in named if reaction is not None},
+        why,
+        cannot,
+        stands,
+        by_race,
+        adrift,
     )
 
 
@@ -49,13 +58,13 @@ TABLE: Mapping[FaultKind, Row] = {
         " known worse than estimation.trusted_sigma or estimation.trusted_speed.",
         "Feedback from a wrong state flies into walls. The autopilot's own estimate is what is left; a takeoff and a"
         " landing are its own already.",
-        REFUSE, LAND, LAND, CONTINUE,
+        REFUSE, LAND, LAND, CONTINUE, adrift=True,
     ),
     FaultKind.POSE_LOST: _row(
         "There is no state newer than safety.state_timeout; poses that are missing are bridged for estimation.coast"
         " before that. In flight the guard first holds the attitude for guard.hold.",
         "Without a state there is no command. The autopilot can still sink, with whatever position it has.",
-        REFUSE, LAND, LAND, CONTINUE,
+        REFUSE, LAND, LAND, CONTINUE, adrift=True,
     ),
     FaultKind.CAMERA_LOST: _row(
         "No new image for safety.camera_timeout, on a track with gates; the same image again is none.",
@@ -83,23 +92,23 @@ TABLE: Mapping[FaultKind, Row] = {
     FaultKind.OFF_THE_LINE: _row(
         "The state is further than safety.tracking_error from the reference, on one axis.",
         "Whatever holds it away, the line was checked for obstacles and the place where it is was not.",
-        flying=LAND, cannot="there is no line while the autopilot flies by itself",
+        flying=LAND, cannot="there is no line while the autopilot flies by itself", adrift=True,
     ),
     FaultKind.GEOFENCE_LEFT: _row(
         "The position is more than geofence.margin outside the geofence; plans never lead out.",
         "Beyond it nothing is known to be free. On the way down it is as near to the fence as it can be.",
-        REFUSE, LAND, LAND, CONTINUE,
+        REFUSE, LAND, LAND, CONTINUE, adrift=True,
     ),
     FaultKind.OUT_OF_ENVELOPE: _row(
         "Tilted by more than safety.tilt_margin_deg beyond control.tilt_max_deg, or, where the application flies,"
         " faster than race.v_max by more than safety.speed_margin.",
         "Neither is ever planned: something pushes, or does not answer. The autopilot levels first.",
-        takeoff=LAND, flying=LAND, landing=CONTINUE, cannot="it stands on the ground: see tipped over",
+        takeoff=LAND, flying=LAND, landing=CONTINUE, cannot="it stands on the ground: see tipped over", adrift=True,
     ),
     FaultKind.TIPPED_OVER: _row(
         "Tilted by more than safety.tipped_deg and not moving: it lies on the ground.",
         "Motors that run then can only do harm.",
-        REFUSE, KILL, KILL, KILL,
+        REFUSE, KILL, KILL, KILL, adrift=True,
     ),
     FaultKind.BATTERY_LOW: _row(
         "Less than safety.battery_low of the charge is left.",
@@ -116,19 +125,20 @@ TABLE: Mapping[FaultKind, Row] = {
         "No command may be sent to a vehicle whose mode is not known. PX4 lands by itself when commands end"
         " (COM_OF_LOSS_T); it is asked to as soon as it can be heard. On the ground a takeoff waits until then: an"
         " autopilot that boots is silent for a while.",
-        CONTINUE, LAND, LAND, CONTINUE,
+        CONTINUE, LAND, LAND, CONTINUE, adrift=True,
     ),
     FaultKind.TAKEN_OVER: _row(
         "The autopilot has left the mode that was asked for by another hand than ours, or was disarmed.",
         "The safety pilot comes first, then PX4.",
         takeoff=HAND_BACK, flying=HAND_BACK, landing=HAND_BACK,
         cannot="on the ground, disarmed, there is nothing to take over: a mode chosen there is no fault",
+        adrift=True,
     ),
     FaultKind.NO_COMMAND: _row(
         "The guard had no sound command for guard.hold: the controller failed, told nonsense, or had no turn for"
         " guard.stall.",
         "Old commands are worse than none; the autopilot flies on by itself.",
-        flying=LAND, cannot="no commands are sent while the autopilot flies by itself",
+        flying=LAND, cannot="no commands are sent while the autopilot flies by itself", adrift=True,
     ),
     FaultKind.OVERLOAD: _row(
         "More than safety.overload_share of a second's control ticks were missed, or detection is"

@@ -3,9 +3,9 @@
 After src/modules/flight_mode_manager/tasks and the takeoff state machine of the position controller (PX4 v1.16):
 takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED, descending stays level and,
 without a height, sinks with a fixed acceleration (FlightTaskDescend.cpp). Once landed the motors idle until a takeoff
-is asked for, whatever the land detector makes of it meanwhile (Takeoff.cpp). A pilot's sticks are taken to be centred. Without a global position
-a takeoff leads over the origin of the local frame, since the place where the vehicle stands then reads as latitude,
-longitude and altitude 0 (takeoff.cpp and navigator_main.cpp).
+is asked for, whatever the land detector makes of it meanwhile (Takeoff.cpp). Without a global position a takeoff leads
+over the origin of the local frame, since the place where the vehicle stands then reads as latitude, longitude and
+altitude 0 (takeoff.cpp and navigator_main.cpp).
 """
 
 import math
@@ -54,6 +54,8 @@ class Flight:
         self._flying = False
         self.target = np.full(3, math.nan)
         """(3,) m, where a takeoff leads to."""
+        self.sticks = (0.0, 0.0)
+        """m/s, local frame, that a pilot's sticks ask for in a mode that follows positions; centred: 0."""
 
     def _map(self) -> ThrustMap:
         return ThrustMap(float(self._parameters["MPC_THR_HOVER"]), self._curve)
@@ -72,7 +74,7 @@ class Flight:
             self.target = estimate.position.copy() if located else np.zeros(3)
             self.target[2] += float(self._parameters["MIS_TAKEOFF_ALT"])
         moving = np.zeros(3) if self.detector.landed else estimate.velocity
-        self._controller.reset(estimate.position, moving, float(quat_yaw(estimate.orientation)))
+        self._controller.begin(estimate.position, moving, float(quat_yaw(estimate.orientation)))
 
     def shift(self, estimate_move: np.ndarray, turned: float) -> None:
         """Stay where it is although the estimate was reset by (3,) m and ``turned`` rad."""
@@ -132,6 +134,8 @@ class Flight:
         """Velocity of the setpoint as ``mode`` asks; sideways it brakes but for a takeoff from beside its target."""
         if mode is NavState.AUTO_LAND:
             return 0.0, 0.0, -self._sink_speed
+        if mode is NavState.POSCTL:
+            return *self.sticks, 0.0
         if mode is not NavState.AUTO_TAKEOFF:
             return 0.0, 0.0, 0.0
         x, y, up = (self.target - self._controller.position).tolist()

@@ -32,7 +32,7 @@ class Loop:
         self.ekf = Ekf2(plant, parameters, seed)
         self.flight = Flight(parameters, curve)
         self.manual = False
-        """Whether a pilot has sticks, which are centred."""
+        """Whether a pilot has sticks."""
         self.battery_failed = False
         self.changes = 0
         """Counts changes of mode, arming and landing."""

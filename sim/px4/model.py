@@ -214,8 +214,13 @@ class Px4:
     def pilot(self, mode: NavState) -> Reply:
         """A pilot with a transmitter switches to ``mode``; from now on there is manual control, sticks centred."""
         self._loop.manual = True
+        self.push_sticks(0.0, 0.0)
         self._loop.check(self._time())
         return self.set_mode(mode)
+
+    def push_sticks(self, vx: float, vy: float) -> None:
+        """The pilot asks for a velocity, m/s in the estimate's frame, which a mode that follows positions flies."""
+        self._loop.flight.sticks = (vx, vy)
 
     def lose_pilot(self) -> None:
         """The transmitter is gone."""

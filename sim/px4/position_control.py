@@ -116,8 +116,15 @@ class PositionController:
         return float(self._setpoint[5])
 
     def reset(self, position: Vector, velocity: Vector, yaw: float) -> None:
-        """Start with the setpoint at ``position`` moving with ``velocity`` (3,), facing ``yaw``."""
+        """As `begin`, and forget what was integrated, as on the ground."""
         self._integral[:] = 0.0
+        self.begin(position, velocity, yaw)
+
+    def begin(self, position: Vector, velocity: Vector, yaw: float) -> None:
+        """Start with the setpoint at ``position`` moving with ``velocity`` (3,), facing ``yaw``.
+
+        What was integrated before stays, such as what a weak battery takes (MulticopterPositionControl.cpp).
+        """
         self._setpoint[:3], self._setpoint[3:], self.yaw = position, velocity, yaw
 
     def shift(self, move: Vector, turned: float) -> None:

@@ -3,10 +3,14 @@
 import asyncio
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from fakes import FakeAutopilot
 from supervised import fly, up_and_down
 
-from flightapp.messages import Outcome, Phase
+from flightapp.interfaces import Motion, PlanRequest
+from flightapp.messages import Drift, GateEstimate, GateMap, Outcome, Phase
+from flightapp.planning.polynomial import PolynomialPlanner
 from flightapp.safety.faults import Fault, FaultKind
 
 
@@ -129,3 +133,62 @@ def test_the_same_fault_told_again_is_not_logged_again():
 
     fly(up_and_down, during=twice, work=work)
     assert events.count("disk full: test; continue") == 1
+
+
+def moving(context):
+    """A line that is under way along x for 4 s; where it is flown through gate 1's opening is at 8 m."""
+    way = np.array([(12.0, 0.0, 1.5)])
+    rest = Motion(np.array((0.0, 0.0, 1.5)), *np.zeros((3, 3)), 0.0, 0.0)
+    request = PlanRequest(context.now(), rest, (), way[-1], context.limits)
+    return PolynomialPlanner(context.config).through(way, request)
+
+
+GATE = GateMap(
+    0.0,
+    1,
+    (GateEstimate(1, np.array((8.0, 0.0, 1.5)), 0.0, np.zeros((4, 4)), 9, 0.0),),
+    Drift(0.0, np.zeros(3), 0.0, np.zeros((4, 4))),
+)
+
+
+def broken_off_at(x, kind):
+    """Where the line was when the landing was asked for, of a flight along `moving` that ``kind`` ends at ``x`` m."""
+    places, autopilot = [], FakeAutopilot()
+
+    async def mission(drone):
+        await drone.takeoff()
+        await drone.hover(60.0)
+
+    async def during(context):
+        told, line = False, None
+        while autopilot.calls[-1:] != ["land"]:
+            await asyncio.sleep(0.01)
+            autopilot._set(stamp=context.now())
+            if line is None and context.machine.phase is Phase.FLYING:
+                line = moving(context)
+                context.line.clear()
+                context.line.accept(line)
+                context.bus.gate_map.publish(GATE)
+            if line is not None and (flown := context.line.at(context.now())) is not None:
+                setpoint = flown.setpoint(context.now())
+                places[:] = [setpoint.position[0], float(np.linalg.norm(setpoint.velocity))]
+                if places[0] >= x and not told:
+                    context.bus.fault.publish(Fault(context.now(), kind, "test"))
+                    told = True
+
+    fly(mission, autopilot, during=during)
+    return places
+
+
+@pytest.mark.parametrize("x", [3.0, 6.5, 7.5, 8.0])
+def test_what_still_flies_lands_from_rest_where_no_frame_is_below(x):
+    place, speed = broken_off_at(x, FaultKind.TASK_FAILED)
+    assert speed < 0.05
+    assert place > x
+    assert abs(place - 8.0) > 0.6
+
+
+def test_what_is_adrift_is_landed_where_it_is():
+    place, speed = broken_off_at(6.5, FaultKind.OFF_THE_LINE)
+    assert speed > 1.0
+    assert place == pytest.approx(6.5, abs=0.5)

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 from flightapp.config import load_config
 from flightapp.messages import FlightMode
 from flightapp.safety.faults import FaultKind, Stage
-from flightapp.safety.monitor import STARTUP, Condition, Monitor, Readings, _Watched, conditions
+from flightapp.safety.monitor import (
+    OVERLOADED,
+    OVERLOADED_BEFORE,
+    STARTUP,
+    Condition,
+    Monitor,
+    Readings,
+    _Watched,
+    conditions,
+)
 
 CONFIG = load_config(None, {"geofence.corners": ((-5.0, -5.0), (5.0, 5.0)), "race.v_max": 4.0})
 GOOD = Readings(
@@ -120,3 +129,10 @@ def test_a_fault_begins_after_it_has_lasted_and_ends_after_it_was_gone(steps, af
         if fault is not None:
             assert fault.over == (not wrong)
             present = wrong
+
+
+@pytest.mark.parametrize(("stage", "patience"), [(Stage.PREFLIGHT, OVERLOADED_BEFORE), (Stage.FLYING, OVERLOADED)])
+def test_before_the_vehicle_is_armed_an_overload_may_last_longer(stage, patience):
+    monitor = Monitor(CONFIG, gates=True)
+    told = [t for t in np.arange(0.0, 3.0, 0.05) if monitor.look(replace(GOOD, stamp=t, stage=stage, ticks_missed=0.5))]
+    assert told == pytest.approx([patience], abs=0.051)

@@ -15,10 +15,11 @@ from flightapp.interfaces import AutopilotError, PlanningError
 from flightapp.messages import FlightMode, RateCommand
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
-from flightapp.track import Start, Track
+from flightapp.track import Gate, GateShape, Start, Track
 from sim.clock import VirtualLoop
 from sim.computer import DISK, FaultyWorker, SimComputer, hold_up, slow_down
 from sim.faults import TIPPING, read_faults
+from sim.px4.modes import NavState
 from sim.rig import ModelledWorker, SimRig
 from sim.world import World
 
@@ -202,3 +203,36 @@ def test_what_cannot_be_done_is_an_error(entry, text):
 def test_faults_last_as_long_as_they_say():
     lasting = read_faults([(1.0, "log_failing", 2.0), (1.0, "battery", 0.5), (1.0, "gust", "1:2:3")])
     assert sorted(fault.end for fault in lasting) == [3.0, 4.0, math.inf]
+
+
+@pytest.mark.parametrize("x", [3.0, 4.0, 4.6])
+def test_a_pilot_who_lands_flies_clear_of_a_frame_first(x):
+    gate = Gate(id=1, position=(4.0, 0.0, 1.5), yaw_deg=0.0, markers=(0,))
+    track = TRACK.model_copy(update={"gates": (gate,), "gate": GateShape(layout="top")})
+    now, entries = [0.0], ((6.0, "pilot", "POSCTL"), (6.0, "pilot_lands", 1.0))
+    made = World(Config(), track, np.random.SeedSequence(3), lambda: now[0], read_faults(entries))
+    modes, hit = [], []
+    made.truth.collisions.tap(hit.append)
+
+    def to(time):
+        while now[0] < time - 1e-9:
+            now[0] += 0.005
+            turned, moving = made.plant.orientation, made.plant.velocity
+            made.px4.external_vision(now[0], made.plant.position, turned, moving, 0)
+            made.advance()
+            modes.append(made.px4.nav_state)
+
+    made.plant._state[0] = x - 4.0  # the autopilot's takeoff leads over its frame's origin
+    to(2.0)
+    made.px4.set_global_origin()
+    to(2.2)
+    made.px4.parameters.set("MIS_TAKEOFF_ALT", 1.5)
+    made.px4.takeoff()
+    made.px4.arm()
+    to(5.9)
+    made.plant._state[0] += 4.0
+    to(20.0)
+    assert not made.px4.armed
+    assert hit == []
+    assert modes.index(NavState.POSCTL) < modes.index(NavState.AUTO_LAND)
+    assert abs(made.plant.position[0] - 4.0) > 0.5
