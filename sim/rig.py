@@ -12,7 +12,7 @@ from flightapp.autopilot.thrust import ThrustMap
 from flightapp.config import Config
 from flightapp.frames import quat_yaw
 from flightapp.interfaces import Autopilot, Computer, FrameSource, GroundTruthFeed, PoseSource, Worker
-from flightapp.messages import Frame, PoseSample
+from flightapp.messages import Frame, GroundTruth, PoseSample
 from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
 from flightapp.track import Track
@@ -32,6 +32,7 @@ from sim.world import World
 
 T = TypeVar("T")
 
+FAILS = "the driver fails, as simulated"
 BACKLOG = 0.5
 """s, older measurements that could not be delivered are lost, as from a real sensor."""
 
@@ -64,7 +65,8 @@ class SimCamera:
             latency = max(self._config.latency, self._config.exposure) + self._faults.lateness(stamp)
             await asyncio.sleep(max(stamp + latency - loop.time(), 0.0))
             self._world.advance()
-            fail(self._failures, loop.time())
+            if failing(self._failures, loop.time()):
+                raise RuntimeError(FAILS)
             frame = self._faults.expose(stamp, self._world.pose_at, partial(self.expose, stamp, sequence))
             if frame is not None:
                 yield frame
@@ -103,6 +105,7 @@ class SimTracker:
         self._faults = PoseFaults(faults)
         self._failures = failures(faults, "tracker")
         self._intake = intake
+        self._beside: asyncio.Task[None] | None = None
 
     async def poses(self) -> AsyncIterator[PoseSample]:
         """Samples at the tracker's rate, in order, each when it would arrive."""
@@ -111,13 +114,10 @@ class SimTracker:
         count = 0
         while True:
             stamp = origin + count / self._tracker.rate
-            # The plant remembers the motion at the stamp, so that nothing need be done before the arrival.
-            await asyncio.sleep(max(stamp + self._tracker.next_latency - loop.time(), 0.0))
-            self._world.advance()
-            fail(self._failures, loop.time())
-            truth = self._world.state_at(stamp)
-            self._world.truth.motion.publish(truth)
-            self._world.feel(stamp)
+            truth = await self._arrive(stamp)
+            if failing(self._failures, loop.time()):
+                self._beside = asyncio.create_task(self._go_on(stamp), name="world")
+                raise RuntimeError(FAILS)
             measured = self._tracker.sample(truth)
             sample = self._faults.apply(measured[0]) if measured is not None else None
             if sample is not None and self._intake is not None:
@@ -125,6 +125,29 @@ class SimTracker:
             if sample is not None:
                 yield sample
             count = max(count + 1, int((loop.time() - BACKLOG - origin) * self._tracker.rate))
+
+    async def _arrive(self, stamp: float) -> GroundTruth:
+        """Let the world go on until what is measured at ``stamp`` arrives; its truth is published and felt."""
+        # The plant remembers the motion at the stamp, so that nothing need be done before the arrival.
+        await asyncio.sleep(max(stamp + self._tracker.next_latency - asyncio.get_running_loop().time(), 0.0))
+        self._world.advance()
+        truth = self._world.state_at(stamp)
+        self._world.truth.motion.publish(truth)
+        self._world.feel(stamp)
+        return truth
+
+    async def _go_on(self, stamp: float) -> None:
+        """The world does not end with its tracker's driver."""
+        while True:
+            now = asyncio.get_running_loop().time()
+            stamp = max(stamp + 1.0 / self._tracker.rate, now - BACKLOG)
+            await self._arrive(stamp)
+
+    async def close(self) -> None:
+        """End what goes on beside the driver."""
+        if self._beside is not None:
+            self._beside.cancel()
+            await asyncio.gather(self._beside, return_exceptions=True)
 
     def report(self) -> str:
         """What became of the samples so far, in one line."""
@@ -166,7 +189,8 @@ class SimRig:
         self.autopilot: Autopilot = self._world.autopilot
         self.camera: FrameSource = SimCamera(config, track, number(camera_seed), self._world, faults)
         intake = PoseIntake.of_body(config)
-        self.tracker: PoseSource = SimTracker(config, number(tracker_seed), self._world, faults, intake)
+        self._tracker = SimTracker(config, number(tracker_seed), self._world, faults, intake)
+        self.tracker: PoseSource = self._tracker
         worker: Worker = ModelledWorker(config, faults) if isinstance(loop, VirtualLoop) else ThreadWorker()
         self.worker: Worker = FaultyWorker(worker, faults, loop.time)
         self.computer: Computer = SimComputer(faults, loop.time)
@@ -185,7 +209,8 @@ class SimRig:
         return survey(track, np.random.default_rng(self._survey_seed), self._exact)
 
     async def close(self) -> None:
-        """Nothing to give back but what has a close of its own."""
+        """End what goes on beside the application."""
+        await self._tracker.close()
 
 
 def exercise(config: Config, track: Track) -> None:
@@ -213,10 +238,9 @@ def failures(faults: Sequence[Fault], source: str) -> tuple[Fault, ...]:
     return tuple(fault for fault in named(faults, "task_failing") if SOURCES[int(fault.amount[0])] == source)
 
 
-def fail(failures: Sequence[Fault], now: float) -> None:
-    """Raise where that is to happen by ``now``."""
-    if any(fault.acts(now) for fault in failures):
-        raise RuntimeError("the driver fails, as simulated")
+def failing(failures: Sequence[Fault], now: float) -> bool:
+    """Whether the driver fails by ``now``."""
+    return any(fault.acts(now) for fault in failures)
 
 
 def number(seed: np.random.SeedSequence) -> int:

@@ -1,11 +1,11 @@
 """What the vehicle does in the modes that PX4 flies by itself.
 
 After src/modules/flight_mode_manager/tasks and the takeoff state machine of the position controller (PX4 v1.16):
-takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED, descending stays level and,
-without a height, sinks with a fixed acceleration (FlightTaskDescend.cpp). Once landed the motors idle until a takeoff
-is asked for, whatever the land detector makes of it meanwhile (Takeoff.cpp). Without a global position a takeoff leads
-over the origin of the local frame, since the place where the vehicle stands then reads as latitude, longitude and
-altitude 0 (takeoff.cpp and navigator_main.cpp).
+takeoff climbs at MPC_TKO_SPEED after COM_SPOOLUP_TIME, landing sinks at MPC_LAND_SPEED without a height to follow
+(FlightTaskAuto.cpp), descending stays level and, without a height, sinks with a fixed acceleration
+(FlightTaskDescend.cpp). Once landed the motors idle until a takeoff is asked for, whatever the land detector makes of
+it meanwhile (Takeoff.cpp). Without a global position a takeoff leads over the origin of the local frame, since the
+place where the vehicle stands then reads as latitude, longitude and altitude 0 (takeoff.cpp and navigator_main.cpp).
 """
 
 import math
@@ -117,6 +117,8 @@ class Flight:
             return IDLE
         if mode in BY_POSITION:
             controller.steer(self._wanted(mode), TICK)
+            if mode is NavState.AUTO_LAND:
+                controller.sink(float(estimate.position[2]), self._sink_speed)
             return controller.command(estimate.position, estimate.velocity, estimate.orientation, TICK)
         if mode in LEVEL and estimate.altitude_valid:
             climb = -self._sink_speed if mode is NavState.DESCEND else 0.0

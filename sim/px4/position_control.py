@@ -143,6 +143,10 @@ class PositionController:
             self._setpoint[3 + i] = moved
             self._setpoint[i] += moved * dt
 
+    def sink(self, height: float, speed: float) -> None:
+        """Go down with ``speed`` m/s from the ``height`` m where it is: no setpoint runs ahead."""
+        self._setpoint[2], self._setpoint[5] = height, -speed
+
     def command(
         self, position: Vector, velocity: Vector, orientation: Vector, dt: float
     ) -> tuple[tuple[float, float, float], float]:
