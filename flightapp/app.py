@@ -260,6 +260,7 @@ def _record(recorder: Recorder, bus: Bus, rig: Rig, config: Config) -> None:
         bus.command,
         bus.event,
         bus.load,
+        bus.stage,
         rig.autopilot.status,
         rig.autopilot.imu,
     ]

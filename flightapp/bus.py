@@ -12,6 +12,7 @@ from flightapp.messages import (
     RateCommand,
     Setpoint,
     Sightings,
+    StageTime,
     VehicleState,
 )
 from flightapp.planning.goal import Goal
@@ -35,6 +36,7 @@ class Bus:
         self.setpoint: Topic[Setpoint] = Topic("setpoint")
         self.command: Topic[RateCommand] = Topic("command")
         self.phase: Topic[Phase] = Topic("phase")
+        self.stage: Topic[StageTime] = Topic("stage")
         self.load: Topic[ProcessLoad] = Topic("load")
         self.event: Topic[Event] = Topic("event")
         self.fault: Topic[Fault] = Topic("fault")

@@ -4,7 +4,7 @@ Stamps are monotonic seconds at *capture*. Frames and rotations are those of `fr
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -311,6 +311,28 @@ class CommandArrivals:
     """The newest arrival."""
     stamps: Vector
     """(n,) s, arrivals since the last message."""
+
+
+class Stage(IntEnum):
+    """Where on the way from a measurement to a command the time is taken."""
+
+    DETECTION = 0
+    """A frame's sightings are there."""
+    COMMAND = 1
+    """A command has been handed to the autopilot."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageTime:
+    """How old a measurement was when a stage had its result. For the log only."""
+
+    stamp: float
+    """When the result was there."""
+    stage: Stage
+    captured: float
+    """Stamp of the measurement: the frame's exposure, or the pose behind the state that was steered by."""
+    begun: float
+    """When the stage set to work on it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,17 @@ from flightapp.estimation.recent import RecentStates
 from flightapp.frames import Vector
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Controller, Detector, Estimator, Planner, PlanningError, PlanRequest, Rig
-from flightapp.messages import Event, Frame, PlanReport, ProcessLoad, RateCommand, Sightings, VehicleState
+from flightapp.messages import (
+    Event,
+    Frame,
+    PlanReport,
+    ProcessLoad,
+    RateCommand,
+    Sightings,
+    Stage,
+    StageTime,
+    VehicleState,
+)
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.answer import Answerer
@@ -82,7 +92,7 @@ async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track:
     bus.state.tap(states.add)
     while True:
         frame = await frames.newest()
-        regions = None
+        begun, regions = now(), None
         gate_map, state = bus.gate_map.latest, states.at(frame.stamp)
         missing = gate_map is None or len(gate_map.gates) < len(track.passage)
         whole = missing or frame.sequence % config.detection.full_frame_every == 0
@@ -91,6 +101,7 @@ async def detection(rig: Rig, bus: Bus, modules: Modules, config: Config, track:
                 gate_map.gates, state.position, state.orientation, rig.camera.model, track.gate, config.detection
             )
         bus.sightings.publish(await rig.worker.run("detection", partial(_see, modules, regions, frame)))
+        bus.stage.publish(StageTime(now(), Stage.DETECTION, frame.stamp, begun))
 
 
 def _see(modules: Modules, regions: Sequence[Vector] | None, frame: Frame) -> Sightings:
@@ -230,6 +241,7 @@ def _send(rig: Rig, bus: Bus, modules: Modules, line: Line, stamp: float) -> Non
     command = _command(rig, modules, stamp, state, trajectory)
     if command is not None:
         rig.autopilot.send(command)
+        bus.stage.publish(StageTime(now(), Stage.COMMAND, state.stamp, stamp))
         bus.setpoint.publish(trajectory.setpoint(stamp))
         bus.command.publish(command)
 

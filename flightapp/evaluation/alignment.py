@@ -1,6 +1,6 @@
 """Moving an estimated path onto its reference, before errors are taken.
 
-A tracker's frame begins anywhere; which part of that is forgiven must be said with every error. `sim3` and `se3` are the
+A tracker's frame begins anywhere; what of that is forgiven must be said with every error. `sim3` and `se3` are the
 least-squares similarity and rigid motion of S. Umeyama, "Least-squares estimation of transformation parameters between
 two point patterns", IEEE PAMI 13 (1991), eqs. (40)-(43). `yaw` turns about the vertical only, which is what remains
 unknown where gravity is felt: Z. Zhang and D. Scaramuzza, "A tutorial on quantitative trajectory evaluation for

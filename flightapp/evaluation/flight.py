@@ -111,6 +111,20 @@ class Commands:
 
 
 @dataclass(frozen=True, slots=True)
+class Stages:
+    """How old measurements were when stages had their results, n rows."""
+
+    stamp: Vector = field(default_factory=_empty)
+    """(n,) s, when the result was there."""
+    stage: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    """(n,), a `Stage`."""
+    captured: Vector = field(default_factory=_empty)
+    """(n,) s, stamps of the measurements."""
+    begun: Vector = field(default_factory=_empty)
+    """(n,) s, when the stage set to work."""
+
+
+@dataclass(frozen=True, slots=True)
 class Flight:
     """All that a log holds; a stream that was not recorded is empty. Each stream is in the order of its stamps."""
 
@@ -136,6 +150,7 @@ class Flight:
     arrivals: tuple[CommandArrivals, ...] = ()
     loads: tuple[ProcessLoad, ...] = ()
     imu: Inertial = field(default_factory=Inertial)
+    stages: Stages = field(default_factory=Stages)
 
     @property
     def has_truth(self) -> bool:

@@ -3,10 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flightapp.evaluation.flight import Motions, Setpoints
 from flightapp.evaluation.rotations import slerp
 from flightapp.frames import Vector
 
+Rows = NDArray[np.intp] | NDArray[np.bool_]
 MAX_DIFFERENCE = 0.01
 """s between stamps that still belong together, unless told otherwise."""
 MAX_GAP = 0.5
@@ -25,7 +28,7 @@ class TimedPath:
     orientation: Vector | None = None
     """(n, 4) q_wb, unit; None where only places are known."""
 
-    def at(self, rows: Vector) -> "TimedPath":
+    def at(self, rows: Rows) -> "TimedPath":
         """The poses of ``rows``, indices or a mask."""
         q = None if self.orientation is None else self.orientation[rows]
         return replace(self, stamp=self.stamp[rows], position=self.position[rows], orientation=q)
@@ -33,6 +36,17 @@ class TimedPath:
     def shifted(self, seconds: float) -> "TimedPath":
         """The same with ``seconds`` more on each stamp."""
         return replace(self, stamp=self.stamp + seconds)
+
+
+def path_of(name: str, motion: Motions | Setpoints) -> TimedPath:
+    """The poses of a recorded stream, as far as they are finite; of setpoints the places alone."""
+    q = motion.orientation if isinstance(motion, Motions) else np.zeros((0, 4))
+    whole = np.isfinite(motion.position).all(axis=1)
+    if q.shape[0] != motion.stamp.size:
+        return TimedPath(name, motion.stamp[whole], motion.position[whole])
+    length = np.linalg.norm(q, axis=1)
+    whole &= np.isfinite(length) & (length > 0.5)
+    return TimedPath(name, motion.stamp[whole], motion.position[whole], q[whole] / length[whole, None])
 
 
 Pair = tuple[TimedPath, TimedPath]
@@ -52,7 +66,7 @@ def associate(reference: TimedPath, estimate: TimedPath, max_difference: float =
     return reference.at(many), estimate.at(few)
 
 
-def _nearest(stamps: Vector, others: Vector, max_difference: float) -> tuple[Vector, Vector]:
+def _nearest(stamps: Vector, others: Vector, max_difference: float) -> tuple[Rows, Rows]:
     if stamps.size == 0 or others.size == 0:
         return np.zeros(0, int), np.zeros(0, int)
     after = np.minimum(np.searchsorted(others, stamps, side="right"), others.size - 1)

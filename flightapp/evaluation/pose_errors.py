@@ -1,8 +1,8 @@
 """Absolute and relative pose errors, as the field takes them.
 
-APE: where the estimate is, against where it should be (in J. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
-systems", IROS 2012, the absolute trajectory error). RPE: how far its motion over a step is off (there, eq. 1), which
-does not care where it began. Translations are lengths in metres, rotations the angle between the orientations in
+APE: where the estimate is, against where it should be (in J. Sturm et al., "A benchmark for the evaluation of RGB-D
+SLAM systems", IROS 2012, the absolute trajectory error). RPE: how far its motion over a step is off (there, eq. 1),
+which does not care where it began. Translations are lengths in metres, rotations the angle between the orientations in
 radians. All paths belong together row by row (`paths`), and are aligned before (`alignment`).
 """
 
@@ -89,6 +89,8 @@ def steps(path: TimedPath, delta: float, unit: Unit) -> tuple[Vector, Vector]:
     """Indices (k,) of the first and last poses of steps of ``delta`` in ``unit`` along ``path``."""
     if not 0.0 < delta < np.inf or (unit is Unit.FRAMES and delta != int(delta)):
         raise ValueError(f"a step of {delta:g} {unit} is none")
+    if path.stamp.size == 0:
+        return np.zeros(0, int), np.zeros(0, int)
     if unit is Unit.FRAMES:
         progress = np.arange(path.stamp.size, dtype=float)
     elif unit is Unit.SECONDS:
@@ -103,4 +105,6 @@ def steps(path: TimedPath, delta: float, unit: Unit) -> tuple[Vector, Vector]:
 
 def _errors(translation: Vector, rotation: Vector | None) -> PoseErrors | None:
     found = statistics(translation)
-    return found and PoseErrors(found, None if rotation is None else statistics(rotation))
+    if found is None:
+        return None
+    return PoseErrors(found, None if rotation is None else statistics(rotation))

@@ -23,7 +23,8 @@ def multiply(a: Vector, b: Vector) -> Vector:
 
 def conjugate(q: Vector) -> Vector:
     """(n, 4) inverses of unit quaternions."""
-    return q * np.array((1.0, -1.0, -1.0, -1.0))
+    inverse: Vector = q * np.array((1.0, -1.0, -1.0, -1.0))
+    return inverse
 
 
 def rotate(q: Vector, v: Vector) -> Vector:

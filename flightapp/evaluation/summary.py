@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from flightapp.evaluation.alignment import Align, AlignmentError, align
+from flightapp.evaluation.effort import bounds_of, control_effort, saturation
 from flightapp.evaluation.flight import Flight
 from flightapp.evaluation.gates import Crossing, crossings
+from flightapp.evaluation.latency import latencies
 from flightapp.evaluation.metrics import (
     Window,
     plan_statistics,
@@ -23,12 +26,19 @@ from flightapp.evaluation.metrics import (
     speeds,
     velocity_error,
 )
+from flightapp.evaluation.paths import interpolate, path_of
+from flightapp.evaluation.pose_errors import Unit, absolute_errors, relative_errors
+from flightapp.evaluation.splits import laps, splits
 from flightapp.inputs import BadInputError
 from flightapp.messages import Event, Outcome
 from flightapp.track import Track
 
 Summary = dict[str, Any]
 DECIMALS = 6
+ALIGNMENTS = (Align.NONE, Align.YAW, Align.SE3)
+"""What an estimate's errors are told with."""
+RPE_STEP = 1.0
+"""s, step of the relative errors."""
 
 
 def summarise(flight: Flight) -> Summary:
@@ -43,6 +53,7 @@ def summarise(flight: Flight) -> Summary:
     speed = speeds(motion, window)
     seed = flight.header.get("seed")
     settings = flight_settings(flight)
+    gates = _gates(flight, window, settings)
     summary = {
         "mission": flight.header.get("mission"),
         "seed": int(seed) if seed and seed.lstrip("-").isdigit() else seed,
@@ -51,12 +62,17 @@ def summarise(flight: Flight) -> Summary:
         "elapsed": window.duration,
         "v_peak": speed and speed.peak,
         "v_avg": speed and speed.mean,
-        "gates": _gates(flight, window, settings),
+        "gates": gates,
+        "laps": [asdict(lap) for lap in laps(gates)],
+        "splits": [asdict(split) for split in splits(gates, window.duration)],
         "collisions": [
             {"time": touch.stamp - window.start, "obstacle": touch.obstacle, "speed": touch.speed}
             for touch in flight.collisions
         ],
         **_errors(flight, window),
+        **_pose_errors(flight, window),
+        **_asked(flight, window, settings),
+        "latency": {stage: asdict(found) for stage, found in latencies(flight, window).items()},
         "replans": asdict(plan_statistics(flight.plans, window)),
         "sender": _sender(flight, window, settings),
         "process": _process(flight),
@@ -122,6 +138,31 @@ def _errors(flight: Flight, window: Window) -> dict[str, Any]:
     totals = {name: rmse(error) for name, (_, error) in errors.items()}
     nees = {"estimation_nees": position_nees(flight.states, flight.truth, window)}
     return {name: total and asdict(total) for name, total in totals.items()} | nees
+
+
+def _pose_errors(flight: Flight, window: Window) -> dict[str, Any]:
+    """APE and RPE of the estimate against the truth, as the field tells them; null without truth."""
+    inside = path_of("estimate", flight.states)
+    inside = inside.at(window.holds(inside.stamp))
+    estimate, truth = interpolate(inside, path_of("truth", flight.truth))
+    ape: dict[str, Any] = {}
+    for how in ALIGNMENTS:
+        try:
+            errors = absolute_errors(truth, align(truth, estimate, how).apply(estimate))
+        except AlignmentError:
+            errors = None
+        ape[how.value] = errors and asdict(errors)
+    oriented = truth.orientation is not None and estimate.orientation is not None
+    rpe = relative_errors(truth, estimate, RPE_STEP, Unit.SECONDS) if oriented else None
+    known = estimate.stamp.size > 0
+    return {"estimation_ape": ape if known else None, "estimation_rpe": rpe and {"step": RPE_STEP, **asdict(rpe)}}
+
+
+def _asked(flight: Flight, window: Window, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What was asked of the vehicle; null without commands, or without a config that tells their limits."""
+    effort, bounds = control_effort(flight.commands, window), bounds_of(settings)
+    limited = bounds and saturation(flight.commands, window, bounds)
+    return {"effort": effort and asdict(effort), "saturation": limited and asdict(limited)}
 
 
 def _gates(flight: Flight, window: Window, settings: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -1,5 +1,6 @@
 """The tables of a flight: once as text, for the terminal and for the report."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,13 @@ _ERRORS = {
     "speed_rmse_truth": ("velocity, reference − truth", "m/s"),
     "estimation_rmse": ("position, estimate − truth", "m"),
 }
+_ALIGNED = {"none": "APE", "yaw": "APE, yaw aligned", "se3": "APE, SE(3) aligned"}
+_SPREAD = ("rmse", "mean", "median", "std", "min", "max")
+_DEGREES = math.degrees(1.0)
+_LIMITS = {
+    **{"rates": "roll and pitch rate", "yaw_rate": "yaw rate"},
+    **{"thrust_max": "greatest thrust", "thrust_min": "least thrust"},
+}
 _SPEED_TITLES = {"v_peak": "v peak m/s", "v_avg": "v mean m/s", "elapsed": "elapsed s"}
 
 
@@ -32,7 +40,9 @@ class TextTable:
 
 def flight_tables(summary: Mapping[str, Any]) -> tuple[TextTable, ...]:
     """All that there is to say of a flight in tables, the paper's beside ours where it flew the same."""
-    tables = [race_table(summary), error_table(summary), gate_table(summary), timing_table(summary)]
+    tables = [race_table(summary), error_table(summary), pose_error_table(summary)]
+    tables += [gate_table(summary), lap_table(summary), effort_table(summary)]
+    tables += [timing_table(summary), latency_table(summary)]
     tables += [paper_table(table, summary) for table in compared_tables(summary["mission"], summary["v_max"])]
     tables.append(trouble_table(summary))
     return tuple(table for table in tables if table.rows)
@@ -69,14 +79,63 @@ def error_table(summary: Mapping[str, Any]) -> TextTable:
     return TextTable("RMSE (total: √ mean ‖e‖²)", ("", *AXES), rows)
 
 
+def pose_error_table(summary: Mapping[str, Any]) -> TextTable:
+    """The estimate's absolute and relative pose errors."""
+    rows = []
+    found = [(_ALIGNED[how], errors) for how, errors in (summary["estimation_ape"] or {}).items()]
+    rpe = summary["estimation_rpe"]
+    if rpe is not None:
+        found.append((f"RPE over {rpe['step']:g} s", rpe))
+    for name, errors in found:
+        for part, unit, scale in (("translation", "m", 1.0), ("rotation", "°", _DEGREES)):
+            if errors is not None and errors[part] is not None:
+                rows.append([f"{name}, {unit}", *(number(errors[part][key], 4, scale) for key in _SPREAD)])
+    return TextTable("Pose errors, estimate − truth", ("", *_SPREAD), rows)
+
+
 def gate_table(summary: Mapping[str, Any]) -> TextTable:
     """Each gate of each lap."""
     several = any(gate["lap"] > 1 for gate in summary["gates"])
     rows = []
+    legs = {(split["lap"], split["to"]): split["time"] for split in summary["splits"]}
     for gate in summary["gates"]:
         name = f"{gate['id']}, lap {gate['lap']}" if several else str(gate["id"])
-        rows.append([name, "yes" if gate["passed"] else "NO", number(gate["time"], 2), number(gate["offset"], 3)])
-    return TextTable(f"Gates (by {summary['judged_by']})", ("gate", "passed", "time s", "offset m"), rows)
+        split, passed = legs.get((gate["lap"], str(gate["id"]))), "yes" if gate["passed"] else "NO"
+        rows.append([name, passed, number(gate["time"], 2), number(split, 2), number(gate["offset"], 3)])
+    columns = ("gate", "passed", "time s", "split s", "offset m")
+    return TextTable(f"Gates (by {summary['judged_by']})", columns, rows)
+
+
+def lap_table(summary: Mapping[str, Any]) -> TextTable:
+    """Each lap's time, where there are several."""
+    found = summary["laps"]
+    rows = [[str(lap["lap"]), number(lap["time"], 2)] for lap in found] if len(found) > 1 else []
+    return TextTable("Laps", ("lap", "time s"), rows)
+
+
+def effort_table(summary: Mapping[str, Any]) -> TextTable:
+    """What was asked of the vehicle, and how much of the time at its limits."""
+    effort, limited = summary["effort"], summary["saturation"]
+    rows = []
+    if effort is not None:
+        rows.append(["∫ ‖ω‖² dt, rad²/s", number(effort["rates"], 2)])
+        rows.append(["thrust, mean, m/s²", number(effort["thrust_mean"], 2)])
+        rows.append(["thrust, variance, m²/s⁴", number(effort["thrust_variance"], 2)])
+        rows.append(["variation of the rates, rad/s²", number(effort["rates_variation"], 2)])
+        rows.append(["variation of the thrust, m/s³", number(effort["thrust_variation"], 2)])
+    if limited is not None:
+        for key, name in _LIMITS.items():
+            rows.append([f"at the limit: {name}, % of the time", number(limited[key], 1, 100.0)])
+    return TextTable("Commands", ("", ""), rows)
+
+
+def latency_table(summary: Mapping[str, Any]) -> TextTable:
+    """How long each stage takes from a measurement to a command."""
+    rows = [
+        [stage, str(found["count"]), *(number(found[key], 2, 1e3) for key in ("p50", "p95", "p99"))]
+        for stage, found in summary["latency"].items()
+    ]
+    return TextTable("Latency", ("stage", "count", "p50 ms", "p95 ms", "p99 ms"), rows)
 
 
 def timing_table(summary: Mapping[str, Any]) -> TextTable:

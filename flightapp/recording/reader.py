@@ -18,10 +18,10 @@ from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Header, Message, Metadata, Schema
-from mcap.stream_reader import CRCValidationError, breakup_chunk
+from mcap.records import Channel, Chunk, DataEnd, Header, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 
-from flightapp.evaluation.flight import Commands, Flight, Inertial, Motions, Poses, Setpoints, States
+from flightapp.evaluation.flight import Commands, Flight, Inertial, Motions, Poses, Setpoints, Stages, States
 from flightapp.inputs import BadInputError
 from flightapp.messages import (
     AutopilotStatus,
@@ -38,6 +38,7 @@ from flightapp.messages import (
     RateCommand,
     Setpoint,
     Sightings,
+    StageTime,
     VehicleState,
 )
 from flightapp.recording.nested import NESTED
@@ -47,6 +48,8 @@ from flightapp.recording.writer import HEADER, PROFILE
 from flightapp.trajectory import Trajectory
 
 _MAGIC = b"\x89MCAP0\r\n"
+_MESSAGE_HEAD = 22
+"""Bytes of a message before its payload: channel (2), sequence (4), log time (8), publish time (8)."""
 _DAMAGE = (
     DecodeError,
     McapError,
@@ -85,7 +88,7 @@ def _check_start(path: Path, data: bytes) -> None:
         raise BadInputError(f"{path}: the file is empty, not a flight log")
     if data[: len(_MAGIC)] != _MAGIC[: len(data)]:
         raise BadInputError(f"{path}: not an MCAP file, so not a flight log")
-    _, opcode, body = next(_records(data), (0, 0, b""))
+    _, opcode, body = next(_records(data, len(_MAGIC)), (0, 0, b""))
     if not body:
         raise BadInputError(f"{path}: the flight log was cut off before its first record")
     profile = Header.read(ReadDataStream(BytesIO(body))).profile if opcode == Opcode.HEADER else ""
@@ -97,9 +100,8 @@ def _check_start(path: Path, data: bytes) -> None:
         raise BadInputError(f"{path}: a flight log of format version {found}; this program reads version {version}")
 
 
-def _records(data: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Position, opcode and body of every whole record."""
-    position = len(_MAGIC)
+def _records(data: bytes, position: int) -> Iterator[tuple[int, int, bytes]]:
+    """Position, opcode and body of every whole record from ``position`` on."""
     while position + 9 <= len(data):
         opcode = data[position]
         end = position + 9 + int.from_bytes(data[position + 1 : position + 9], "little")
@@ -123,7 +125,7 @@ class _Contents:
         self._payloads: dict[str, list[bytes]] = defaultdict(list)
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, list[bytes]] = {}
-        for position, opcode, body in _records(data):
+        for position, opcode, body in _records(data, len(_MAGIC)):
             stream = ReadDataStream(BytesIO(body))
             if opcode == Opcode.DATA_END:
                 _check_sum(data[:position], DataEnd.read(stream).data_section_crc)
@@ -134,20 +136,21 @@ class _Contents:
                 if metadata.name == HEADER:
                     self.header.update(metadata.metadata)
             elif opcode == Opcode.CHUNK:
-                for record in breakup_chunk(Chunk.read(stream), validate_crc=True):
-                    self._take(record)
-            elif opcode == Opcode.SCHEMA:
-                self._take(Schema.read(stream))
-            elif opcode == Opcode.CHANNEL:
-                self._take(Channel.read(stream))
+                chunk, length = get_chunk_data_stream(Chunk.read(stream), validate_crc=True)
+                for _, inner, content in _records(chunk.read(length), 0):
+                    self._take(inner, content)
+            else:
+                self._take(opcode, body)
 
-    def _take(self, record: Any) -> None:
-        if isinstance(record, Message):
-            self._channels[record.channel_id].append(record.data)
-        elif isinstance(record, Channel):
-            self._channels[record.id] = self._payloads[self._schemas.get(record.schema_id, "")]
-        elif isinstance(record, Schema):
-            self._schemas[record.id] = record.name
+    def _take(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.MESSAGE:
+            self._channels[int.from_bytes(body[:2], "little")].append(body[_MESSAGE_HEAD:])
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(body)))
+            self._channels[channel.id] = self._payloads[self._schemas.get(channel.schema_id, "")]
+        elif opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(body)))
+            self._schemas[schema.id] = schema.name
 
     def flight(self) -> Flight:
         return Flight(
@@ -170,6 +173,7 @@ class _Contents:
             self._messages(CommandArrivals),
             self._messages(ProcessLoad),
             self._columns(ImuSample, Inertial),
+            self._columns(StageTime, Stages),
         )
 
     def _columns(self, kind: type, columns: type) -> Any:

@@ -20,7 +20,7 @@ from google.protobuf.descriptor_pb2 import (
     FileDescriptorSet,
 )
 
-from flightapp.messages import GroundTruth, ImuSample, PoseSample, RateCommand, Setpoint, VehicleState
+from flightapp.messages import GroundTruth, ImuSample, PoseSample, RateCommand, Setpoint, StageTime, VehicleState
 
 PACKAGE = "flightapp"
 _FIXED64, _LENGTH, _FIXED32 = 1, 2, 5
@@ -115,6 +115,7 @@ _SETPOINT = Layout(
 )
 _IMU = Layout("ImuSample", {"stamp": 0, "specific_force": 3, "angular_velocity": 3})
 _COMMAND = Layout("RateCommand", {"stamp": 0, "rates": 3, "thrust": 0})
+_STAGE = Layout("StageTime", {"stamp": 0, "stage": -1, "captured": 0, "begun": 0})
 _UNKNOWN = (math.nan,) * 3
 _ROW, _COLUMN = np.array((0, 0, 1)), np.array((1, 2, 2))
 
@@ -163,6 +164,11 @@ def _encode_command(m: RateCommand) -> bytes:
     return _COMMAND.pack(t[0], m.stamp, t[1], *m.rates.tolist(), t[2], m.thrust)
 
 
+def _encode_stage(m: StageTime) -> bytes:
+    t = _STAGE.tags
+    return _STAGE.pack(t[0], m.stamp, t[1], m.stage, t[2], m.captured, t[3], m.begun)
+
+
 FIXED: Mapping[type, Fixed] = {
     PoseSample: Fixed(_POSE, _encode_pose),
     VehicleState: Fixed(_STATE, _encode_state),
@@ -170,6 +176,7 @@ FIXED: Mapping[type, Fixed] = {
     Setpoint: Fixed(_SETPOINT, _encode_setpoint),
     ImuSample: Fixed(_IMU, _encode_imu),
     RateCommand: Fixed(_COMMAND, _encode_command),
+    StageTime: Fixed(_STAGE, _encode_stage),
 }
 """Every message type that is written this way.
 

@@ -126,7 +126,7 @@ def test_yaw_alignment_undoes_a_turn_about_the_vertical_and_is_the_best(seed, ya
         again = TimedPath("again", noisy.stamp, rotate(other, noisy.position) + middle)
         assert absolute_errors(reference, again).translation.rmse > least
         shifted = found.apply(noisy)
-        shifted = TimedPath("shifted", shifted.stamp, shifted.position + (0.0, 0.0, change))
+        shifted = TimedPath("shifted", shifted.stamp, shifted.position + np.array((0.0, 0.0, change)))
         assert absolute_errors(reference, shifted).translation.rmse > least
 
 

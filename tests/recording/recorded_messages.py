@@ -22,6 +22,8 @@ from flightapp.messages import (
     RateCommand,
     Setpoint,
     Sightings,
+    Stage,
+    StageTime,
     VehicleState,
 )
 from flightapp.trajectory import Trajectory
@@ -45,6 +47,10 @@ def setpoint(rng, stamp):
 
 def command(rng, stamp):
     return RateCommand(stamp, rng.normal(size=3), 9.81)
+
+
+def stage(rng, stamp):
+    return StageTime(stamp, Stage.COMMAND, stamp - rng.uniform(0.0, 0.1), stamp - 0.002)
 
 
 def gate(rng, gate_id, last_seen=-math.inf):
@@ -82,7 +88,7 @@ def irregular(rng, stamp):
     }
 
 
-FAST = {"pose": pose, "state": state, "truth": truth, "setpoint": setpoint, "command": command}
+FAST = {"pose": pose, "state": state, "truth": truth, "setpoint": setpoint, "command": command, "stage": stage}
 
 
 def write_stream(log, seconds, rate=200):

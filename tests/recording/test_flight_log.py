@@ -71,7 +71,7 @@ def test_fast_messages_come_back_exactly(tmp_path, rng):
     assert flight.header == HEADER
     assert flight.complete
     streams = {"pose": flight.poses, "state": flight.states, "truth": flight.truth}
-    streams |= {"setpoint": flight.setpoints, "command": flight.commands}
+    streams |= {"setpoint": flight.setpoints, "command": flight.commands, "stage": flight.stages}
     for name, columns in streams.items():
         for i, message in enumerate(sent[name]):
             for field in dataclasses.fields(message):
