@@ -15,6 +15,7 @@ from flightapp.interfaces import Autopilot, Computer, FrameSource, GroundTruthFe
 from flightapp.messages import Frame, PoseSample
 from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
+from flightapp.sensors.mocap import MocapTruth
 from flightapp.sensors.poses import SocketPoses
 from flightapp.sensors.realsense import RealSensePoses
 from flightapp.sensors.replay import ReplayPoses
@@ -110,12 +111,14 @@ class Px4Rig:
                 failed.callback(self._tracker.close)
                 link = Px4Link(config)
                 failed.pop_all()
+        address = config.recording.truth_address
+        self._mocap = MocapTruth.at(address) if address else None
         self.tracker: PoseSource = self._tracker
         self.autopilot: Autopilot = link
         self.camera: FrameSource = Blind(config)
         self.worker: Worker = ThreadWorker()
         self.computer: Computer = OwnComputer()
-        self.truth: GroundTruthFeed | None = None
+        self.truth: GroundTruthFeed | None = self._mocap and self._mocap.feed
 
     @staticmethod
     def loop_factory(realtime: bool) -> Callable[[], asyncio.AbstractEventLoop]:
@@ -127,5 +130,7 @@ class Px4Rig:
         return track
 
     async def close(self) -> None:
-        """Give back the tracker."""
+        """Give back the tracker and what motion capture sends to."""
         self._tracker.close()
+        if self._mocap is not None:
+            self._mocap.close()

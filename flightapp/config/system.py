@@ -2,9 +2,10 @@
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from flightapp.config.fields import Finite, Section
+from flightapp.sensors.address import parse_address
 
 
 class Link(Section):
@@ -54,6 +55,18 @@ class Recording(Section):
 
     images: bool = Field(True, description="record camera images (JPEG)")
     image_every: int = Field(10, ge=1, le=1000, description="record one frame in so many")
+    truth_address: str = Field(
+        "",
+        description="where a motion-capture system's poses of a real vehicle arrive, in the world frame, for the log"
+        " alone: 127.0.0.1:PORT or an absolute path; empty: nowhere",
+    )
+
+    @field_validator("truth_address")
+    @classmethod
+    def _local(cls, text: str) -> str:
+        if text:
+            parse_address(text)
+        return text
 
 
 class Simulation(Section):

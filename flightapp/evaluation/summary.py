@@ -189,9 +189,17 @@ def _gates(flight: Flight, window: Window, settings: Mapping[str, Any]) -> list[
 
 
 def _passages(flight: Flight, gate_id: int, window: Window, track: Track | None) -> list[Crossing]:
-    """By the referee where there is truth, else by the estimated path through the gate as last estimated."""
-    if flight.has_truth or flight.passages:
+    """By the referee where there is one, by motion capture's path through the gate as surveyed, else by estimates."""
+    if flight.true_gates or flight.passages:
         found = [Crossing(p.stamp, p.offset) for p in flight.passages if p.gate_id == gate_id]
+    elif flight.has_truth:
+        path, placed = flight.truth, track.gates if track else ()
+        found = [
+            crossing
+            for gate in placed
+            if gate.id == gate_id and track
+            for crossing in crossings(path.stamp, path.position, np.array(gate.position), gate.yaw, track.gate.opening)
+        ]
     else:
         gates = flight.maps[-1].gates if flight.maps else ()
         opening = track.gate.opening if track else 0.0

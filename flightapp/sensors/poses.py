@@ -71,6 +71,25 @@ def encode_pose(sample: PoseSample, origin: float) -> bytes:
     return record.tobytes()
 
 
+def decode_pose(data: bytearray, length: int, origin: float, counts: DatagramCounts) -> PoseSample | None:
+    """The sample in the first ``length`` bytes of ``data``, which holds at least a `POSE_RECORD`; None if it is none.
+
+    ``origin`` as in `encode_pose`; what it is instead is counted.
+    """
+    marked = length > HEAD and data.startswith(MAGIC)
+    if length == UNMARKED or (marked and int.from_bytes(data[4:6], "little") != VERSION):
+        counts.other_version += 1
+        return None
+    confidence = int.from_bytes(data[6:8], "little")
+    if length != POSE_RECORD.itemsize or not marked or confidence > MAX_CONFIDENCE:
+        counts.malformed += 1
+        return None
+    n = np.frombuffer(data, "<f8", NUMBERS, HEAD).astype(np.float64)
+    told = None if np.isnan(n[14:]).all() else n[14:]
+    epoch = int.from_bytes(data[8:HEAD], "little")
+    return PoseSample(float(n[0]) - origin, n[1:4], n[4:8], n[8:11], n[11:14], confidence, told, epoch)
+
+
 class SocketPoses:
     """A source of poses that other processes send, each a datagram as `POSE_RECORD` says, through an ``intake``.
 
@@ -128,7 +147,7 @@ class SocketPoses:
                 length = self._receiver.recv_into(self._buffer)
             except OSError:  # empty, or the sender's end was closed
                 break
-            measured = self._decode(length)
+            measured = decode_pose(self._buffer, length, self._origin, self.counts)
             sample = None if measured is None else self.intake.take(measured, now)
             if sample is None:
                 continue
@@ -137,18 +156,3 @@ class SocketPoses:
             self._newest = sample
         if self._newest is not None:
             self._arrived.set()
-
-    def _decode(self, length: int) -> PoseSample | None:
-        data, counts = self._buffer, self.counts
-        marked = length > HEAD and data.startswith(MAGIC)
-        if length == UNMARKED or (marked and int.from_bytes(data[4:6], "little") != VERSION):
-            counts.other_version += 1
-            return None
-        confidence = int.from_bytes(data[6:8], "little")
-        if length != POSE_RECORD.itemsize or not marked or confidence > MAX_CONFIDENCE:
-            counts.malformed += 1
-            return None
-        n = np.frombuffer(data, "<f8", NUMBERS, HEAD).astype(np.float64)
-        told = None if np.isnan(n[14:]).all() else n[14:]
-        epoch = int.from_bytes(data[8:HEAD], "little")
-        return PoseSample(float(n[0]) - self._origin, n[1:4], n[4:8], n[8:11], n[11:14], confidence, told, epoch)
