@@ -15,6 +15,8 @@ COMMANDS = {
     "fly": "fly:fly",
     "sweep": "sweep:sweep",
     "report": "report:report",
+    "metrics": "logs:metrics",
+    "export": "logs:export",
     "check": "check:check",
     "identify": "identify:identify",
     "tune": "tune:tune",

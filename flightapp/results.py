@@ -16,9 +16,8 @@ from flightapp.evaluation.report import write_report
 from flightapp.evaluation.summary import summarise, to_json, why_failed
 from flightapp.evaluation.sweep import sweep_summary
 from flightapp.inputs import BadInputError, read_toml
+from flightapp.interchange.sources import LOG, read_any_flight
 from flightapp.recording.reader import read_flight
-
-LOG = "flight.mcap"
 
 
 def run_directory(mission: Path, seed: int, out: Path | None) -> Path:
@@ -49,11 +48,10 @@ def finish(flown: app.Flown, page: bool = True) -> dict[str, Any]:
 
 
 def report(run: Path) -> tuple[dict[str, Any], Path]:
-    """Summary and report.html of the flight in ``run``, a directory or a log."""
-    log = run / LOG if run.is_dir() else run
-    flight = read_flight(log)
+    """Summary and report.html of the flight in ``run``, a directory, a log or PX4's own log."""
+    flight = read_any_flight(run)
     summary = summarise(flight)
-    page = log.parent / "report.html"
+    page = run / "report.html" if run.is_dir() else run.with_name("report.html")
     write_report(flight, page, summary)
     return summary, page
 

@@ -118,7 +118,7 @@ class Px4Rig:
         self.camera: FrameSource = Blind(config)
         self.worker: Worker = ThreadWorker()
         self.computer: Computer = OwnComputer()
-        self.truth: GroundTruthFeed | None = self._mocap and self._mocap.feed
+        self.truth: GroundTruthFeed | None = None if self._mocap is None else self._mocap.feed
 
     @staticmethod
     def loop_factory(realtime: bool) -> Callable[[], asyncio.AbstractEventLoop]:

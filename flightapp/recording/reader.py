@@ -48,6 +48,8 @@ from flightapp.recording.writer import HEADER, PROFILE
 from flightapp.trajectory import Trajectory
 
 _MAGIC = b"\x89MCAP0\r\n"
+START = 4096
+"""Bytes that hold an MCAP file's header."""
 _MESSAGE_HEAD = 22
 """Bytes of a message before its payload: channel (2), sequence (4), log time (8), publish time (8)."""
 _DAMAGE = (
@@ -81,6 +83,25 @@ def read_flight(path: Path) -> Flight:
         return _Contents(data).flight()
     except _DAMAGE as error:
         raise BadInputError(f"{path}: the flight log is damaged: {error or type(error).__name__}") from None
+
+
+def mcap_profile(path: Path) -> str | None:
+    """The profile in the header of an MCAP file, which tells who wrote it; None for any other file.
+
+    Raises `BadInputError` where it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(START)
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    _, opcode, body = next(_records(data, len(_MAGIC)), (0, 0, b""))
+    if not data.startswith(_MAGIC) or opcode != Opcode.HEADER:
+        return None
+    try:
+        return str(Header.read(ReadDataStream(BytesIO(body))).profile)
+    except _DAMAGE:
+        return None
 
 
 def _check_start(path: Path, data: bytes) -> None:
