@@ -19,10 +19,15 @@ def find(kind: str, name: str) -> Any:
                 raise BadInputError(
                     f"'{name}' of the {kind} cannot be loaded: {error}; install what it needs"
                 ) from None
-    known = sorted(entry.name for entry in group)
+    known = names(kind)
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f"did you mean '{close[0]}'? " if close else ""
     raise BadInputError(f"there is no '{name}' among the {kind}; {hint}known: {', '.join(known)}")
+
+
+def names(kind: str) -> list[str]:
+    """The names of all modules of a kind, such as "planners"."""
+    return sorted(entry.name for entry in _installed(kind))
 
 
 @cache

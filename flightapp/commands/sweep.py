@@ -1,5 +1,8 @@
 """The command `flightapp sweep`."""
 
+import shlex
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -7,24 +10,76 @@ import typer
 from rich.console import Console
 
 from flightapp import app, display, results
+from flightapp.campaign.fly import Where, fly_all
+from flightapp.campaign.run import Run
 from flightapp.commands.options import JsonFile, Mission, Overrides, Vehicle
+from flightapp.evaluation.grid import Grid, combinations, label, read_grid
+from flightapp.evaluation.sweep import sweep_json
+from flightapp.evaluation.sweep_page import sweep_page, sweep_tables
+from flightapp.evaluation.tables import rich_table
+from flightapp.inputs import BadInputError
 
-console = Console()
+Runs = Annotated[int, typer.Option(min=1, help="flights of each combination")]
+FirstSeed = Annotated[int, typer.Option(min=0, help="seed of the first; the others count up")]
+Workers = Annotated[int, typer.Option(min=1, help="processes")]
+Scheduler = Annotated[
+    str | None, typer.Option(help="tcp://HOST:PORT of a Dask cluster, instead of processes of this computer")
+]
+Out = Annotated[Path | None, typer.Option(help="directory for each flight's result; what is there is not flown again")]
+HtmlFile = Annotated[Path | None, typer.Option("--html", help="also write a page with plots and tables here")]
 
 
 def sweep(
     mission: Mission,
-    runs: Annotated[int, typer.Option(min=1, help="how many flights")] = 20,
-    first_seed: Annotated[int, typer.Option(min=0, help="seed of the first; the others count up")] = 0,
+    runs: Runs = 20,
+    first_seed: FirstSeed = 0,
+    grid: Annotated[
+        list[str] | None, typer.Option(help="section.key=value,value…; may be repeated: every combination is flown")
+    ] = None,
     vehicle: Vehicle = None,
     overrides: Overrides = None,
-    workers: Annotated[int, typer.Option(min=1, help="processes")] = 2,
+    workers: Workers = 2,
+    scheduler: Scheduler = None,
+    out: Out = None,
     json_file: JsonFile = None,
+    html: HtmlFile = None,
 ) -> None:
-    """Fly a mission with many seeds in simulation; success rate with its 95 % interval."""
+    """Fly a mission with many seeds in simulation; success rates with their 95 % intervals."""
+    console = Console()
     plan = app.FlightPlan(mission, Path(), "sim", vehicle, tuple(overrides or ()), first_seed)
-    app.prepare(plan)
-    with display.bar(console, runs) as advance:
-        summary = results.sweep(plan, runs, workers, advance)
-    console.print(results.sweep_table(summary))
+    flights = runs_of(plan, read_grid(grid or ()), runs)
+    with display.bar(console, len(flights)) as advance:
+        flown = fly_all(flights, where(workers, scheduler, out), advance)
+    summary = sweep_json(flown)
+    console.print(*map(rich_table, sweep_tables(summary)), sep="\n")
+    page = sweep_page(summary, f"{mission.stem}, {len(flights)} flights", called())
+    if out is not None:
+        results.write_text(out / "sweep.html", page, "--out")
+        results.write_json(out / "sweep.json", summary)
+        console.print(f"written: {out / 'sweep.html'}, {out / 'sweep.json'}", highlight=False, soft_wrap=True)
+    if html is not None:
+        results.write_text(html, page, "--html")
     results.write_json(json_file, summary)
+
+
+def runs_of(plan: app.FlightPlan, grid: Grid, runs: int) -> list[Run]:
+    """``runs`` flights of each combination of ``grid``, with the seeds from that of ``plan`` on."""
+    flights = []
+    for chosen in combinations(grid):
+        settings = (*plan.overrides, *(f"{key}={value}" for key, value in chosen))
+        for seed in range(plan.seed, plan.seed + runs):
+            one = replace(plan, overrides=settings, seed=seed)
+            flights.append(Run(one, f"{plan.mission.stem} {label(chosen)}".strip(), chosen))
+    return flights
+
+
+def where(workers: int, scheduler: str | None, out: Path | None) -> Where:
+    """Where flights are flown, as the command line says; raises `BadInputError`."""
+    if out is not None and out.exists() and not out.is_dir():
+        raise BadInputError(f"--out {out}: is a file; name a directory")
+    return Where(workers, scheduler, out)
+
+
+def called() -> str:
+    """The command line, as it can be given again."""
+    return shlex.join(["flightapp", *sys.argv[1:]])

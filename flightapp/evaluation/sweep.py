@@ -37,9 +37,10 @@ def sweep_summary(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
     A flight that ended without a summary (its process crashed) is given as {"seed", "why"}. A success is
     what `why_failed` has nothing against; the elapsed times are of the successes, null if there are none.
+    A failure tells the "command" that flies it alone where that is given with it.
     """
-    reasons = [(result.get("seed"), result.get("why") or why_failed(result)) for result in results]
-    elapsed = [result["elapsed"] for result, (_, why) in zip(results, reasons, strict=True) if not why]
+    reasons = [result.get("why") or why_failed(result) for result in results]
+    elapsed = [result["elapsed"] for result, why in zip(results, reasons, strict=True) if not why]
     successes = len(elapsed)
     flown = [result for result in results if "why" not in result]
     offsets = [gate["offset"] for result in flown for gate in result["gates"] if gate.get("offset") is not None]
@@ -51,7 +52,46 @@ def sweep_summary(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "elapsed": _quantiles(elapsed),
         "offset": {**_quantiles(offsets), "max": max(offsets, default=None)},
         "estimation": _estimation(flown),
-        "failures": [{"seed": seed, "why": why} for seed, why in reasons if why],
+        "failures": [
+            {"seed": result.get("seed"), "why": why, **{key: result[key] for key in ("command",) if key in result}}
+            for result, why in zip(results, reasons, strict=True)
+            if why
+        ],
+    }
+
+
+def sweep_json(results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The JSON of a sweep over many combinations of settings from the `Result`s of its flights.
+
+    As `sweep_summary` of all of them; "points" has the same of each combination, with its "parameters"; "flights" has
+    each flight's seed, parameters, why it failed (empty for a success), elapsed time (s) and the command that flies it.
+    """
+    points: dict[str, list[Mapping[str, Any]]] = {}
+    for result in results:
+        points.setdefault(result["label"], []).append(result)
+    return {
+        **sweep_summary([_judged(result) for result in results]),
+        "points": [
+            {"parameters": flown[0]["parameters"], **sweep_summary([_judged(result) for result in flown])}
+            for flown in points.values()
+        ],
+        "flights": [_flight(result) for result in results],
+    }
+
+
+def _judged(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What `sweep_summary` wants to know of a `Result`."""
+    return {**result.get("summary", {}), **{key: result[key] for key in ("seed", "why", "command") if key in result}}
+
+
+def _flight(result: Mapping[str, Any]) -> dict[str, Any]:
+    judged = _judged(result)
+    return {
+        "seed": result["seed"],
+        "parameters": result["parameters"],
+        "why": judged.get("why") or why_failed(judged),
+        "elapsed": judged.get("elapsed"),
+        "command": result["command"],
     }
 
 

@@ -97,12 +97,3 @@ def test_the_run_directory_holds_all_that_was_promised(tmp_path):
         assert key in summary
     lines = (tmp_path / "run" / "app.log").read_text().splitlines()
     assert all({"event", "kind", "stamp"} <= json.loads(line).keys() for line in lines)
-
-
-def test_a_sweep_counts_what_the_referee_saw(tmp_path):
-    plan = app.FlightPlan(MISSIONS / "one_gate.py", tmp_path, overrides=CORNERS, seed=1020)
-    seen = []
-    summary = results.sweep(plan, 4, 2, seen.append)
-    assert summary["runs"] == 4 == len(seen)
-    assert summary["successes"] == sum(seen)
-    assert 0.0 <= summary["ci95"][0] <= summary["rate"] <= summary["ci95"][1] <= 1.0

@@ -1,0 +1,1 @@
+"""Many flights: what each of them is, where they are flown, and what is kept of them."""

@@ -1,0 +1,28 @@
+"""Work in processes, some of which die."""
+
+import fates
+import pytest
+
+from flightapp.campaign.pool import Lost, work
+
+
+def test_every_job_is_done_in_processes_that_are_started_once():
+    assert dict(work(fates.square, [(n, "") for n in range(20)], 2)) == {n: n * n for n in range(20)}
+    assert len({pid for _, pid in work(fates.process, range(20), 2)}) <= 2
+
+
+def test_a_process_that_dies_loses_only_its_job_and_that_is_tried_again(tmp_path):
+    jobs = [(0, ""), (1, tmp_path / "once"), (2, ""), (3, "is killed"), (4, "exits"), (5, "")]
+    done = dict(work(fates.square, jobs, 2))
+    assert {n: done[n] for n in (0, 1, 2, 5)} == {0: 0, 1: 1, 2: 4, 5: 25}
+    assert done[3] == Lost("its process was killed by SIGKILL, 3 times")
+    assert done[4] == Lost("its process ended with exit status 3, 3 times")
+
+
+def test_what_a_job_raises_is_raised():
+    with pytest.raises(ValueError, match="not 1"):
+        list(work(fates.square, [(0, ""), (1, "raises"), (2, "")], 1))
+
+
+def test_no_jobs_need_no_processes():
+    assert list(work(fates.square, [], 2)) == []
