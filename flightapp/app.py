@@ -20,7 +20,7 @@ from flightapp.behaviors.coordinator import Coordinator
 from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
-from flightapp.interfaces import Rig
+from flightapp.interfaces import Rig, WithFallback
 from flightapp.mapping.map_file import mapped, read_map, write_map
 from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
@@ -121,7 +121,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
                 begin, wall = tasks.now(), time.perf_counter()
                 with undisturbed(), session if plan.realtime else nullcontext():
                     ending = await flight.run(session if plan.realtime else None)
-                entries = {"outcome": ending.outcome.value, "reason": ending.reason, "sender": flight.report()}
+                entries = {"outcome": ending.outcome.value, "reason": ending.reason, **flight.report()}
         finally:
             error = _close(recorder, entries)
         wall = time.perf_counter() - wall
@@ -150,8 +150,8 @@ class _Flight:
 
     run: Callable[[RealtimeSession | None], Awaitable[Ending]]
     """With the session of a flight on the wall clock."""
-    report: Callable[[], str]
-    """How the sender did, for the log's header."""
+    report: Callable[[], dict[str, str]]
+    """How sender and controller did, for the log's header."""
 
 
 def _wire(
@@ -207,7 +207,15 @@ def _wire(
             rig.worker.close()
             await rig.close()
 
-    return _Flight(run, lambda: SenderReport(ticker.statistics(), modules.guard.counts).entry())
+    return _Flight(run, partial(_entries, modules, ticker))
+
+
+def _entries(modules: tasks.Modules, ticker: Ticker) -> dict[str, str]:
+    """How the sender did, and for how many commands another controller stood in, where one may."""
+    entries = {"sender": SenderReport(ticker.statistics(), modules.guard.counts).entry()}
+    if isinstance(modules.controller, WithFallback):
+        entries["fallbacks"] = str(sum(modules.controller.fallbacks.values()))
+    return entries
 
 
 def _log_error(recorder: Recorder, app_log: AppLog) -> str:

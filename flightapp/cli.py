@@ -14,6 +14,7 @@ from flightapp.inputs import BadInputError
 COMMANDS = {
     "fly": "fly:fly",
     "sweep": "sweep:sweep",
+    "compare": "compare:compare",
     "report": "report:report",
     "metrics": "logs:metrics",
     "export": "logs:export",

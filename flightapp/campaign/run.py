@@ -17,8 +17,8 @@ from flightapp.inputs import BadInputError
 from flightapp.recording.reader import read_flight
 
 Result = Mapping[str, Any]
-"""What is kept of a flight: "label", "seed", "parameters" and "command"; then "summary" and "reason" (and "trace"), or
-"why" where it broke."""
+"""What is kept of a flight: "label", "seed", "parameters" and "command"; then "summary" and "reason" (and "fallbacks",
+"trace"), or "why" where it broke."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +62,8 @@ def fly_run(run: Run) -> str:
             flown = app.fly(replace(run.plan, out=Path(scratch)))
             flight = read_flight(flown.out / "flight.mcap")
             result = run.known | {"summary": summarise(flight), "reason": flown.ending.reason}
+            if "fallbacks" in flight.header:
+                result["fallbacks"] = int(flight.header["fallbacks"])
             if run.traced:
                 result["trace"] = trace(flight)
         except BadInputError:

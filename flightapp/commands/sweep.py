@@ -2,9 +2,10 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -15,8 +16,8 @@ from flightapp.campaign.run import Run
 from flightapp.commands.options import JsonFile, Mission, Overrides, Vehicle
 from flightapp.evaluation.grid import Grid, combinations, label, read_grid
 from flightapp.evaluation.sweep import sweep_json
-from flightapp.evaluation.sweep_page import sweep_page, sweep_tables
-from flightapp.evaluation.tables import rich_table
+from flightapp.evaluation.sweep_page import FAILURES, failure_lines, sweep_page, sweep_tables
+from flightapp.evaluation.tables import TextTable, rich_table
 from flightapp.inputs import BadInputError
 
 Runs = Annotated[int, typer.Option(min=1, help="flights of each combination")]
@@ -51,7 +52,7 @@ def sweep(
     with display.bar(console, len(flights)) as advance:
         flown = fly_all(flights, where(workers, scheduler, out), advance)
     summary = sweep_json(flown)
-    console.print(*map(rich_table, sweep_tables(summary)), sep="\n")
+    tell(console, sweep_tables(summary), summary)
     page = sweep_page(summary, f"{mission.stem}, {len(flights)} flights", called())
     if out is not None:
         results.write_text(out / "sweep.html", page, "--out")
@@ -71,6 +72,13 @@ def runs_of(plan: app.FlightPlan, grid: Grid, runs: int) -> list[Run]:
             one = replace(plan, overrides=settings, seed=seed)
             flights.append(Run(one, f"{plan.mission.stem} {label(chosen)}".strip(), chosen))
     return flights
+
+
+def tell(console: Console, tables: Sequence[TextTable], summary: dict[str, Any]) -> None:
+    """Print ``tables`` but that of failures, and these so that their commands can be copied."""
+    console.print(*(rich_table(table) for table in tables if not table.title.startswith(FAILURES)), sep="\n")
+    for line in failure_lines(summary):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def where(workers: int, scheduler: str | None, out: Path | None) -> Where:

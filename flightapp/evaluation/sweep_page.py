@@ -10,6 +10,7 @@ from flightapp.evaluation.page import Heading, page_html
 from flightapp.evaluation.tables import TextTable, number
 
 COLOURS = ("#1d4ed8", "#d1495b", "#5a9e4b", "#a878c8", "#e8871e", "#0e7490", "#6b7280")
+FAILURES = "Failures"
 SHOWN = 30
 """Failures that a table lists, at most."""
 
@@ -62,12 +63,19 @@ def _error_table(sweep: Sweep) -> TextTable:
     return TextTable("Position by truth, median of RMSEs", ("", "estimate m", "tracker m", "NEES (3)"), rows)
 
 
+def failure_lines(sweep: Sweep) -> list[str]:
+    """What failed, for a terminal, from which the commands can be copied."""
+    failed = [flight for flight in sweep["flights"] if flight["why"]]
+    lines = [line for f in failed[:SHOWN] for line in (f"seed {f['seed']}: {f['why']}", f"    {f['command']}")]
+    return lines + [f"and {len(failed) - SHOWN} more"] * (len(failed) > SHOWN)
+
+
 def failure_table(sweep: Sweep) -> TextTable:
     """What failed, and what flies it alone."""
     failed = [flight for flight in sweep["flights"] if flight["why"]]
     rows = [[f"seed {f['seed']}: {f['why']}", f["command"]] for f in failed[:SHOWN]]
     more = f", the first {SHOWN} of them" if len(failed) > SHOWN else ""
-    return TextTable(f"Failures: {len(failed)}{more}", ("what", "flown alone by"), rows)
+    return TextTable(f"{FAILURES}: {len(failed)}{more}", ("what", "flown alone by"), rows)
 
 
 def sweep_page(sweep: Sweep, title: str, command: str) -> str:

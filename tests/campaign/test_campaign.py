@@ -124,7 +124,7 @@ def test_a_sweep_over_a_grid_writes_its_results_and_its_page(tmp_path, monkeypat
     page = (tmp_path / "out" / "sweep.html").read_text()
     assert 'id="figure-success"' in page
     assert again in page
-    assert "race.a_max=5 --set race.v_max=2 --seed 4" in " ".join(flown.output.split())
+    assert f"seed 4: failed\n    {again}\n" in flown.output
 
 
 def test_the_command_that_is_told_flies_the_same_flight(tmp_path):
