@@ -59,6 +59,16 @@ GATE_DISTANCE = 4.0
 """m from the camera to the gate of the perception rows."""
 
 
+PROFILED = {
+    "controller": "controller",
+    "plan_6": "trajectory_6_points",
+    "plan_14": "trajectory_14_points",
+    "plan_26": "trajectory_26_points",
+    "aruco_full": "aruco",
+}
+"""Rows that are in the paper's profiling table, with their keys there."""
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """One line of the table: seconds, or times faster than real time."""
@@ -71,7 +81,6 @@ class Row:
 
 def run_bench(mission: Path = MISSION) -> dict[str, Any]:
     """Measure everything; the machine-readable result of `flightapp bench`."""
-    paper = profiling_times()
     rows = [
         *_control(),
         *_planning(),
@@ -81,22 +90,22 @@ def run_bench(mission: Path = MISSION) -> dict[str, Any]:
         *_simulation(),
         *_flights(mission),
     ]
-    aliases = {"plan_6": "trajectory_6_points", "plan_14": "trajectory_14_points", "plan_26": "trajectory_26_points"}
-    aliases |= {"controller": "controller", "aruco_full": "aruco"}
     return {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
-        "rows": [
-            {
-                "name": row.name,
-                "count": row.count,
-                "p50": row.p50,
-                "p99": row.p99,
-                "paper_i7": paper.get(aliases.get(row.name, ""), {}).get("i7_10870H"),
-                "paper_jetson": paper.get(aliases.get(row.name, ""), {}).get("jetson_xavier_nx"),
-            }
-            for row in rows
-        ],
+        "rows": [_beside_paper(row) for row in rows],
     }
+
+
+def profile() -> list[dict[str, Any]]:
+    """Only the rows that the paper's profiling table has, and our plans in flight; as in `run_bench`."""
+    rows = itertools.chain(itertools.islice(_control(), 1), _planning(), itertools.islice(_perception(), 2))
+    return [_beside_paper(row) for row in rows if row.name in (*PROFILED, "race_plan", "race_replan", "replan_26")]
+
+
+def _beside_paper(row: Row) -> dict[str, Any]:
+    paper = profiling_times().get(PROFILED.get(row.name, ""), {})
+    measured = {"name": row.name, "count": row.count, "p50": row.p50, "p99": row.p99}
+    return measured | {"paper_i7": paper.get("i7_10870H"), "paper_jetson": paper.get("jetson_xavier_nx")}
 
 
 def bench_table(result: dict[str, Any]) -> Table:

@@ -15,6 +15,7 @@ COMMANDS = {
     "fly": "fly:fly",
     "sweep": "sweep:sweep",
     "compare": "compare:compare",
+    "paper": "paper:paper",
     "report": "report:report",
     "metrics": "logs:metrics",
     "export": "logs:export",

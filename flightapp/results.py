@@ -23,8 +23,13 @@ def run_directory(mission: Path, seed: int, out: Path | None) -> Path:
         if out.exists() and not out.is_dir():
             raise BadInputError(f"--out {out}: is a file; name a directory")
         return out
+    return new_directory(f"{mission.stem}-{seed}")
+
+
+def new_directory(name: str) -> Path:
+    """A directory in runs/ that does not exist yet."""
     count = 1
-    while (directory := Path("runs") / f"{mission.stem}-{seed}-{count}").exists():
+    while (directory := Path("runs") / f"{name}-{count}").exists():
         count += 1
     return directory
 

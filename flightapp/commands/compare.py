@@ -9,22 +9,8 @@ from rich.console import Console
 from flightapp import app, display, results
 from flightapp.campaign.fly import fly_all
 from flightapp.campaign.run import Run
-from flightapp.commands.sweep import (
-    FirstSeed,
-    HtmlFile,
-    JsonFile,
-    Mission,
-    Out,
-    Overrides,
-    Runs,
-    Scheduler,
-    Vehicle,
-    Workers,
-    called,
-    runs_of,
-    tell,
-    where,
-)
+from flightapp.commands.flights import FirstSeed, HtmlFile, Out, Runs, Scheduler, Workers, called, runs_of, tell, where
+from flightapp.commands.options import JsonFile, Mission, Overrides, Vehicle
 from flightapp.evaluation.comparison import MEANING, comparison_json, comparison_page, comparison_tables
 from flightapp.evaluation.grid import combinations, label, split
 from flightapp.inputs import BadInputError

@@ -1,7 +1,7 @@
 """The numbers of "Framework and Evaluation Methodology for Autonomous Drone Racing" beside ours."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -23,6 +23,16 @@ class Table:
     """The key of a flight's summary that it holds, or "speeds"."""
     rows: Mapping[str, Mapping[str, float]]
     """The paper's numbers by v_max; the columns are `AXES` or `SPEEDS`."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """`AXES` or `SPEEDS`."""
+        return SPEEDS if self.metric == "speeds" else AXES
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """The columns of which less is better."""
+        return ("elapsed",) if self.metric == "speeds" else AXES
 
     def row(self, v_max: float | None) -> Mapping[str, float] | None:
         """The paper's numbers for ``v_max`` in m/s; None if it didn't fly that."""
@@ -76,22 +86,6 @@ def profiling_times() -> Mapping[str, Mapping[str, float]]:
 def compared_tables(mission: str | None, v_max: float | None) -> tuple[Table, ...]:
     """The tables that hold the paper's numbers for this flight."""
     return tuple(table for table in paper_tables() if table.mission == mission and table.row(v_max) is not None)
-
-
-def paper_comparison(summaries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The JSON of the paper's experiments: by table, each row's v_max, our numbers, the paper's, ours / paper's."""
-    tables: dict[str, Any] = {}
-    for table in paper_tables():
-        flown = [s for s in summaries if s.get("mission") == table.mission]
-        rows = [_compared(table, s["v_max"], table.ours(s)) for s in flown if table.row(s.get("v_max"))]
-        tables[str(table.number)] = sorted(rows, key=lambda row: float(row["v_max"]))
-    return {"tables": tables}
-
-
-def _compared(table: Table, v_max: float, ours: Mapping[str, float | None]) -> dict[str, Any]:
-    paper = table.row(v_max) or {}
-    ratio = {key: None if value is None else value / paper[key] for key, value in ours.items()}
-    return {"v_max": v_max, "ours": dict(ours), "paper": dict(paper), "ratio": ratio}
 
 
 @cache

@@ -18,7 +18,7 @@ from flightapp.trajectory import Trajectory
 
 LEAD_MARGIN = 1.5
 """Share of the time that a plan took, after which the next may begin."""
-LEAD_MAX = 1.0
+LEAD_MAX = 2.0
 """s"""
 FROZEN = 0.25
 """s before a gate in which it is flown through as planned: a new plan could only meet it with a detour."""

@@ -1,10 +1,8 @@
 """The paper's numbers, and ours beside them."""
 
 import pytest
-import synthetic_flight as synthetic
 
-from flightapp.evaluation.paper import compared_tables, paper_comparison, paper_tables, profiling_times
-from flightapp.evaluation.summary import summarise
+from flightapp.evaluation.paper import compared_tables, paper_tables, profiling_times
 
 
 def test_every_table_is_there_with_its_rows():
@@ -30,17 +28,3 @@ def test_every_table_is_there_with_its_rows():
 )
 def test_only_the_same_experiment_is_compared(mission, v_max, numbers):
     assert [table.number for table in compared_tables(mission, v_max)] == numbers
-
-
-def test_comparison_by_hand():
-    summary = summarise(synthetic.flight(v_max=2.0))
-    faster = {**summary, "v_max": 4.0, "tracking_rmse": None}
-    tables = paper_comparison([faster, summary])["tables"]
-    assert list(tables) == [str(number) for number in range(1, 14)]
-    assert tables["1"] == []
-    slow, fast = tables["8"]
-    assert (slow["v_max"], fast["v_max"]) == (2.0, 4.0)
-    assert slow["ours"]["elapsed"] == 10.0
-    assert slow["paper"]["elapsed"] == 61.1
-    assert slow["ratio"]["elapsed"] == pytest.approx(10.0 / 61.1)
-    assert tables["7"][1]["ratio"] == {"x": None, "y": None, "z": None, "total": None}
