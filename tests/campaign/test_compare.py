@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from flightapp.compare_cli import runs_with
 from hops import hops
 from test_campaign import answers
 from typer.testing import CliRunner
@@ -11,6 +10,7 @@ from typer.testing import CliRunner
 from flightapp.campaign import fly
 from flightapp.campaign.run import fly_run
 from flightapp.cli import cli
+from flightapp.commands.compare import runs_with
 from flightapp.inputs import BadInputError
 
 

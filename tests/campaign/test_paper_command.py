@@ -7,9 +7,9 @@ import pytest
 from test_campaign import answers
 from typer.testing import CliRunner
 
-from flightapp import paper_cli
 from flightapp.campaign import fly
 from flightapp.cli import cli
+from flightapp.commands import paper as paper_command
 
 MOMENTS = 40
 ERRORS = ("tracking_rmse", "tracking_rmse_truth", "speed_rmse", "speed_rmse_truth", "estimation_rmse", "tracker_rmse")
@@ -36,7 +36,7 @@ def seeds(monkeypatch):
     do, asked = answers(flown)
     monkeypatch.setattr(fly, "work", do)
     row = {"name": "plan_6", "count": 1, "p50": 1e-3, "p99": 1e-3, "paper_i7": 0.01371, "paper_jetson": 0.05147}
-    monkeypatch.setattr(paper_cli, "profile", lambda: [row])
+    monkeypatch.setattr(paper_command, "profile", lambda: [row])
     return asked
 
 
