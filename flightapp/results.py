@@ -1,11 +1,14 @@
 """What happens to a flight after its end: summary and report."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from flightapp import app
-from flightapp.evaluation.report import write_report
+from flightapp.evaluation.overlay import comparison_figures, comparison_html
+from flightapp.evaluation.png import write_pngs
+from flightapp.evaluation.report import flight_figures, write_report
 from flightapp.evaluation.summary import summarise, to_json
 from flightapp.inputs import BadInputError, read_toml
 from flightapp.interchange.sources import LOG, read_any_flight
@@ -44,13 +47,45 @@ def finish(flown: app.Flown, page: bool = True) -> dict[str, Any]:
     return summary
 
 
-def report(run: Path) -> tuple[dict[str, Any], Path]:
-    """Summary and report.html of the flight in ``run``, a directory, a log or PX4's own log."""
+def report(run: Path, pngs: Path | None = None) -> tuple[dict[str, Any], Path]:
+    """Summary and report.html of the flight in ``run``, a directory, a log or PX4's own; figures as PNG to ``pngs``."""
     flight = read_any_flight(run)
     summary = summarise(flight)
     page = run / "report.html" if run.is_dir() else run.with_name("report.html")
     write_report(flight, page, summary)
+    if pngs is not None:
+        write_pngs(flight_figures(flight), pngs, run_name(run))
     return summary, page
+
+
+def compare(runs: Sequence[Path], page: Path, pngs: Path | None = None) -> None:
+    """Write a page that compares the flights in ``runs``; its figures as PNG into ``pngs``."""
+    if len(runs) < 2:
+        raise BadInputError("--compare: name at least two runs to compare")
+    flights = {name: read_any_flight(run) for name, run in zip(run_names(runs), runs, strict=True)}
+    write_text(page, comparison_html(flights), "--compare")
+    if pngs is not None:
+        write_pngs(comparison_figures(flights), pngs, "comparison")
+
+
+def log_of(run: Path) -> Path:
+    """The log of ``run``, a directory or the log itself."""
+    return run / LOG if run.is_dir() else run
+
+
+def run_name(run: Path) -> str:
+    """What to call ``run``: its directory, or the log's own name if it was given another."""
+    log = log_of(run)
+    return log.resolve().parent.name if log.name == LOG else log.stem
+
+
+def run_names(runs: Sequence[Path]) -> Sequence[str]:
+    """Names of ``runs``, each another, in their order."""
+    names: list[str] = []
+    for run in runs:
+        name = run_name(run)
+        names.append(name if name not in names else f"{name} ({len(names) + 1})")
+    return names
 
 
 def looks_like_track(file: Path) -> bool:

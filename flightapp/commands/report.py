@@ -13,10 +13,15 @@ console = Console()
 
 
 def report(
-    runs: Annotated[list[Path], typer.Argument(help="run directories or flight.mcap files")],
+    runs: Annotated[list[Path], typer.Argument(help="run directories, flight.mcap or PX4's .ulg files")],
+    compare: Annotated[Path | None, typer.Option(help="FILE.html: a page with all runs overlaid")] = None,
+    png: Annotated[Path | None, typer.Option(help="directory to write the figures to as PNG, for papers")] = None,
 ) -> None:
     """Print each flight's tables and write report.html beside its log."""
     for run in runs:
-        summary, page = results.report(run)
+        summary, page = results.report(run, png)
         console.print(*terminal_tables(summary), sep="\n")
         console.print(f"report: {page}", soft_wrap=True)
+    if compare is not None:
+        results.compare(runs, compare, png)
+        console.print(f"comparison: {compare}", soft_wrap=True)

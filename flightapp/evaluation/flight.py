@@ -125,6 +125,15 @@ class Stages:
 
 
 @dataclass(frozen=True, slots=True)
+class Picture:
+    """A camera image as it was recorded."""
+
+    stamp: float
+    """Of its exposure."""
+    jpeg: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Flight:
     """All that a log holds; a stream that was not recorded is empty. Each stream is in the order of its stamps."""
 
@@ -151,6 +160,7 @@ class Flight:
     loads: tuple[ProcessLoad, ...] = ()
     imu: Inertial = field(default_factory=Inertial)
     stages: Stages = field(default_factory=Stages)
+    pictures: tuple[Picture, ...] = ()
 
     @property
     def has_truth(self) -> bool:

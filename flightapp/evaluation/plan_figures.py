@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.colors import sample_colorscale
 from plotly.subplots import make_subplots
 
 from flightapp.evaluation.figures import (
@@ -18,19 +17,18 @@ from flightapp.evaluation.figures import (
     line,
     short,
     style,
+    with_gaps,
 )
 from flightapp.evaluation.gates import gate_outline
 from flightapp.evaluation.planned import Planned, bounds, heading_ticks
+from flightapp.evaluation.scene import draw_names, frames, lay_out, solid, speed_colours
 from flightapp.evaluation.solids import outline
 from flightapp.frames import GRAVITY, Vector
 from flightapp.messages import GateEstimate
-from flightapp.track import Box, Cylinder
 from flightapp.trajectory import Samples
 
 SAMPLES = 1200
 """Points that a line is drawn with."""
-SPEEDS = sample_colorscale("Turbo", np.linspace(0.06, 0.9, 15).tolist())
-"""The colours of the speed, without the ends of their scale, which are all but black."""
 FRAME, LIMIT = "#e8871e", "#dc2626"
 TICK_INTERVAL, TICK_LENGTH = 0.25, 1.0
 """s between the marks of the heading, and m of their length."""
@@ -43,8 +41,6 @@ BOUNDED_BY = {
 """The limits that are drawn beside each quantity."""
 HEIGHT_3D, HEIGHT_VEHICLE = 720, 560
 """px."""
-EYE = {"x": -0.46, "y": -1.8, "z": 1.0}
-"""Where the scene is seen from, as plotly counts it: the whole track at once."""
 
 
 def plan_figures(planned: Planned) -> Mapping[str, go.Figure]:
@@ -61,12 +57,11 @@ def line_in_space(planned: Planned) -> go.Figure:
     figure = go.Figure()
     style(figure, "Line, coloured by speed")
     for obstacle in planned.track.obstacles:
-        figure.add_trace(_solid(obstacle))
-    shape = planned.track.gate
+        figure.add_trace(solid(obstacle))
     for gate in _gates(planned):
-        figure.add_trace(_frame(gate, shape.opening, shape.opening + 2.0 * shape.border))
+        figure.add_trace(frames([gate], planned.track.gate, FRAME, f"gate {gate.gate_id}", 0.85))
     path, speed = _path(planned)
-    pen = {"color": short(speed), "width": 7, **_colours(speed)}
+    pen = {"color": short(speed), "width": 7, **speed_colours(speed)}
     hover = "%{x:.2f}, %{y:.2f}, %{z:.2f} m<br>%{text}<extra></extra>"
     x, y, z = (short(path[:, axis]) for axis in range(3))
     text = [f"{value:.2f} m/s" for value in speed]
@@ -74,11 +69,7 @@ def line_in_space(planned: Planned) -> go.Figure:
         go.Scatter3d(x=x, y=y, z=z, mode="lines", line=pen, text=text, hovertemplate=hover, showlegend=False)
     )
     _mark_in_space(figure, planned, path)
-    flat = {"showbackground": False, "gridcolor": "#e2e8f0", "zeroline": False}
-    axes = {f"{axis}axis": {"title": f"{axis}, m", **flat} for axis in "xyz"}
-    axes["zaxis"] |= {"rangemode": "tozero", "nticks": 4}
-    scene = {"aspectmode": "data", "camera": {"eye": EYE, "center": {"x": 0.0, "y": 0.0, "z": -0.15}}, **axes}
-    figure.update_layout(height=HEIGHT_3D, margin={"l": 0, "r": 0, "t": 36, "b": 0}, scene=scene)
+    lay_out(figure, HEIGHT_3D)
     return figure
 
 
@@ -99,11 +90,11 @@ def line_above(planned: Planned) -> go.Figure:
             )
         )
     path, speed = _path(planned)
-    dots = {"color": short(speed), "size": 5, **_colours(speed)}
+    dots = {"color": short(speed), "size": 5, **speed_colours(speed)}
     x, y = short(path[:, 0]), short(path[:, 1])
     hover = "%{x:.2f}, %{y:.2f} m<br>%{marker.color:.2f} m/s<extra></extra>"
     figure.add_trace(go.Scatter(x=x, y=y, mode="markers", marker=dots, hovertemplate=hover, showlegend=False))
-    ticks = _with_gaps(heading_ticks(planned.trajectory, TICK_INTERVAL, TICK_LENGTH).transpose(1, 0, 2))
+    ticks = with_gaps(heading_ticks(planned.trajectory, TICK_INTERVAL, TICK_LENGTH).transpose(1, 0, 2))
     line(figure, ticks[:, 0], ticks[:, 1], "heading", TRUE_GATE, width=1.0)
     for gate in _gates(planned):
         across = gate_outline(gate.position, gate.yaw, planned.track.gate.opening)
@@ -156,21 +147,8 @@ def _path(planned: Planned) -> tuple[Vector, Vector]:
     return samples.position, np.linalg.norm(samples.velocity, axis=1)
 
 
-def _colours(speed: Vector) -> dict[str, object]:
-    bar = {"title": {"text": "m/s"}, "thickness": 14, "len": 0.7}
-    return {"colorscale": SPEEDS, "cmin": 0.0, "cmax": max(float(speed.max()), 1e-3), "colorbar": bar}
-
-
 def _gates(planned: Planned) -> Iterable[GateEstimate]:
     return {gate.gate_id: gate for gate in planned.request.gates}.values()
-
-
-def _with_gaps(strokes: Vector) -> Vector:
-    """(n, k, d) strokes as one line (n (k + 1), d) that is interrupted between them."""
-    n, _, d = strokes.shape
-    gapped = np.concatenate((strokes, np.full((n, 1, d), np.nan)), axis=1)
-    joined: Vector = gapped.reshape(-1, d)
-    return joined
 
 
 def _mark_in_space(figure: go.Figure, planned: Planned, path: Vector) -> None:
@@ -182,49 +160,4 @@ def _mark_in_space(figure: go.Figure, planned: Planned, path: Vector) -> None:
     if np.linalg.norm(path[0] - path[-1]) < 1.0:
         points, names = points[1:], ["start, end", *names[2:]]
     ends = len(names) - len(gates)
-    x, y, z = points.T
-    figure.add_trace(
-        go.Scatter3d(
-            x=short(x),
-            y=short(y),
-            z=short(z),
-            mode="markers+text",
-            marker={"size": [4] * ends + [0.1] * len(gates), "color": TRUE_GATE},
-            text=names,
-            textposition="top center",
-            textfont={"size": 12, "color": TRUE_GATE},
-            hoverinfo="skip",
-            showlegend=False,
-        )
-    )
-
-
-def _frame(gate: GateEstimate, inner: float, outer: float) -> go.Mesh3d:
-    """A gate's frame, flat, between squares of sides ``inner`` and ``outer`` m."""
-    corners = np.concatenate([gate_outline(gate.position, gate.yaw, side)[:4] for side in (inner, outer)])
-    triangles = [t for k in range(4) for t in ((k, (k + 1) % 4, 4 + k), ((k + 1) % 4, 4 + (k + 1) % 4, 4 + k))]
-    return _mesh(corners, triangles, FRAME, f"gate {gate.gate_id}", 0.85)
-
-
-def _solid(obstacle: Box | Cylinder) -> go.Mesh3d:
-    """A box or a cylinder, from its outline."""
-    edge = outline(obstacle)[:-1]
-    if isinstance(obstacle, Box):
-        low, high = (obstacle.centre[2] + side * obstacle.size[2] for side in (-0.5, 0.5))
-    else:
-        low, high = obstacle.base[2], obstacle.base[2] + obstacle.height
-    n = len(edge)
-    corners = np.concatenate([np.column_stack((edge, np.full(n, height))) for height in (low, high)])
-    sides = [t for k in range(n) for t in ((k, (k + 1) % n, n + k), ((k + 1) % n, n + (k + 1) % n, n + k))]
-    lids = [(base, base + k, base + k + 1) for base in (0, n) for k in range(1, n - 1)]
-    return _mesh(corners, [*sides, *lids], OBSTACLE, obstacle.name, 0.5)
-
-
-def _mesh(
-    corners: Vector, triangles: Iterable[tuple[int, int, int]], colour: str, name: str, opacity: float
-) -> go.Mesh3d:
-    i, j, k = zip(*triangles, strict=True)
-    x, y, z = (short(corners[:, axis]) for axis in range(3))
-    return go.Mesh3d(
-        x=x, y=y, z=z, i=i, j=j, k=k, color=colour, opacity=opacity, name=name, flatshading=True, hoverinfo="name"
-    )
+    draw_names(figure, points, names, [4.0] * ends + [0.1] * len(gates))

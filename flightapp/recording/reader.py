@@ -42,6 +42,7 @@ from flightapp.messages import (
     VehicleState,
 )
 from flightapp.recording.nested import NESTED
+from flightapp.recording.pictures import PICTURE, picture
 from flightapp.recording.records import TrueGates, decode
 from flightapp.recording.wire import FIXED, PACKAGE
 from flightapp.recording.writer import HEADER, PROFILE
@@ -195,6 +196,7 @@ class _Contents:
             self._messages(ProcessLoad),
             self._columns(ImuSample, Inertial),
             self._columns(StageTime, Stages),
+            tuple(sorted(map(picture, self._payloads[PICTURE]), key=lambda shown: shown.stamp)),
         )
 
     def _columns(self, kind: type, columns: type) -> Any:

@@ -1,0 +1,67 @@
+"""How long things took, as histograms."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+
+from flightapp.evaluation.figures import ESTIMATE, EVENT_COLOURS, Subject, blank
+from flightapp.evaluation.metrics import Window
+from flightapp.frames import Vector
+
+BINS = 60
+HEIGHT = 300
+"""px."""
+
+
+def timing_figures(subject: Subject) -> Mapping[str, go.Figure]:
+    """A histogram of each time that the flight has data for, by name, in the order of the report."""
+    titles = {
+        "intervals": "Time between commands",
+        "arrivals": "Time between commands that arrived",
+        "frames": "Time between detections",
+        "plans": "Time to plan",
+    }
+    samples = timing_samples(subject)
+    return {name: histogram(titles[name], values) for name, values in samples.items() if values.size}
+
+
+def timing_samples(subject: Subject) -> Mapping[str, Vector]:
+    """Times (n,) in ms inside the window, by name."""
+    flight, window = subject.flight, subject.window
+    arrivals = np.concatenate([batch.stamps for batch in flight.arrivals]) if flight.arrivals else np.zeros(0)
+    plans = [plan.elapsed for plan in flight.plans if window.start <= plan.stamp <= window.end]
+    return {
+        "intervals": _between(flight.commands.stamp, window),
+        "arrivals": _between(arrivals, window),
+        "frames": _between(np.array([seen.stamp for seen in flight.sightings]), window),
+        "plans": 1e3 * np.array(plans),
+    }
+
+
+def histogram(title: str, values: Vector) -> go.Figure:
+    """How often each of ``values`` (n,) in ms came, with the median and the 99th percentile."""
+    p50, p99 = np.percentile(values, (50.0, 99.0))
+    told = f"ms · p50 {p50:.2f} (dashed) · p99 {p99:.2f} (dotted)"
+    figure = blank(title, told, "how often")
+    counts, edges = np.histogram(values, bins=BINS)
+    if edges[-1] - edges[0] < 1.0:
+        centre = float(np.median(values))
+        counts, edges = np.histogram(values, bins=BINS, range=(centre - 0.5, centre + 0.5))
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    bars = go.Bar(x=middle, y=counts, width=np.diff(edges), marker_color=ESTIMATE, name="how often")
+    figure.add_trace(bars)
+    for value, dash in ((p50, "dash"), (p99, "dot")):
+        pen = {"color": EVENT_COLOURS["fault"], "width": 1.5, "dash": dash}
+        figure.add_vline(float(value), line=pen)
+    most = math.log10(max(int(counts.max()), 1))
+    figure.update_yaxes(type="log", dtick=1, range=[-0.3, most + 0.3])
+    figure.update_layout(height=HEIGHT, showlegend=False, margin={"l": 62, "r": 14, "t": 44, "b": 50})
+    return figure
+
+
+def _between(stamps: Vector, window: Window) -> Vector:
+    """ms between those of ``stamps`` that are inside ``window``."""
+    between: Vector = 1e3 * np.diff(np.sort(stamps[window.holds(stamps)]))
+    return between
