@@ -90,13 +90,14 @@ class LiveWorld:
         Images are rendered in a thread of their own, so that the world need not wait.
         """
         loop, camera = asyncio.get_running_loop(), self._config.camera
-        origin, sequence = loop.time() + camera.exposure, 0
+        origin, sequence = loop.time() + camera.exposure + abs(self._camera.after), 0
         with ThreadPoolExecutor(1, thread_name_prefix="camera") as thread:
             while True:
                 stamp = origin + sequence / camera.rate
-                await _until(stamp + 0.5 * camera.exposure)
+                exposed = stamp + self._camera.after
+                await _until(exposed + 0.5 * camera.exposure)
                 self.world.advance()
-                seen = Glimpse(self.world, stamp, camera.exposure)
+                seen = Glimpse(self.world, exposed, camera.exposure)
                 expose = partial(self._camera.expose, stamp, sequence, seen.pose_at)
                 frame = await loop.run_in_executor(thread, expose)
                 await _until(stamp + camera.latency)

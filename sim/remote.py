@@ -162,7 +162,7 @@ class RemoteCamera:
 
     @property
     def model(self) -> CameraModel:
-        """The calibration; the simulated camera is calibrated perfectly."""
+        """The calibration, of which `sim.calibration` says what is left wrong with it."""
         return self._model
 
     async def frames(self) -> AsyncIterator[Frame]:

@@ -17,6 +17,7 @@ from flightapp.perception.camera import CameraModel
 from flightapp.sensors.intake import PoseIntake
 from flightapp.track import Track
 from flightapp.worker import ThreadWorker
+from sim.calibration import true_camera
 from sim.clock import RealtimeLoop, VirtualLoop
 from sim.computer import FaultyWorker, SimComputer, hold_up, slow_down
 from sim.corner_camera import CornerCamera
@@ -47,22 +48,25 @@ class SimCamera:
         self._failures = failures(faults, "camera")
         self._track = track
         kind = Renderer if config.sim.camera == "rendered" else CornerCamera
-        self._camera = kind(Scene.from_track(track), config.camera.model(), config.camera.exposure, seed)
+        true, self.after = true_camera(config.camera.model(), config.sim.calibration, seed)
+        """s by which the middle of the exposure is later than its stamp."""
+        self._camera = kind(Scene.from_track(track), true, config.camera.exposure, seed)
 
     @property
     def model(self) -> CameraModel:
-        """The calibration; the simulated camera is calibrated perfectly, unless that is its fault."""
-        true = self._config.model()
-        return replace(true, focal=true.focal * np.array((self._faults.focal, self._faults.focal, 1.0, 1.0)))
+        """The calibration: what is left wrong with it is `sim.calibration`'s, unless more is by its fault."""
+        told = self._config.model()
+        return replace(told, focal=told.focal * np.array((self._faults.focal, self._faults.focal, 1.0, 1.0)))
 
     async def frames(self) -> AsyncIterator[Frame]:
         """Frames at the camera's rate, each delivered its latency after the middle of its exposure."""
         loop = asyncio.get_running_loop()
-        origin = loop.time() + self._config.exposure
+        origin = loop.time() + self._config.exposure + abs(self.after)
         sequence = 0
         while True:
             stamp = origin + sequence / self._config.rate
-            latency = max(self._config.latency, self._config.exposure) + self._faults.lateness(stamp)
+            least = self._config.exposure + max(self.after, 0.0)
+            latency = max(self._config.latency, least) + self._faults.lateness(stamp)
             await asyncio.sleep(max(stamp + latency - loop.time(), 0.0))
             self._world.advance()
             if failing(self._failures, loop.time()):
@@ -73,7 +77,7 @@ class SimCamera:
             sequence = max(sequence + 1, int((loop.time() - BACKLOG - origin) * self._config.rate))
 
     def expose(self, stamp: float, sequence: int, pose_at: PoseAt | None = None) -> Frame:
-        """What the camera sees with the middle of the exposure at a recent ``stamp``.
+        """What the camera sees with the middle of the exposure, as far as is known, at a recent ``stamp``.
 
         ``pose_at`` tells the true pose around the stamp where the world itself may not be asked.
         """
@@ -81,9 +85,10 @@ class SimCamera:
         if self._world.track is not self._track:
             self._track = self._world.track
             self._camera.look_at(Scene.from_track(self._track))
+        exposed = stamp + self.after
         if isinstance(self._camera, CornerCamera):
-            return Frame(stamp, sequence, None, self._camera.detect(stamp, known))
-        return Frame(stamp, sequence, self._camera.render(stamp, known))
+            return Frame(stamp, sequence, None, self._camera.detect(exposed, known))
+        return Frame(stamp, sequence, self._camera.render(exposed, known))
 
 
 class SimTracker:

@@ -75,6 +75,9 @@ class Simulation(Section):
     vehicle: str = Field("racer", description="a vehicle of sim/vehicles.toml")
     camera: Literal["rendered", "corners"] = Field("rendered", description="images, or corners without images")
     survey: Literal["rough", "exact"] = Field("rough", description="gates off as the track's uncertainty says, or not")
+    calibration: Finite = Field(
+        1.0, ge=0.0, le=10.0, description="the camera differs from its calibration by so many times the usual error"
+    )
     tracker: Literal["t265", "ideal"] = Field("t265", description="T265 model, or the truth with no delay")
     wind: Finite = Field(0.0, ge=0.0, le=15.0, description="m/s, mean wind")
     gust: Finite = Field(0.0, ge=0.0, le=5.0, description="m/s, standard deviation of gusts")
