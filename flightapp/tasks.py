@@ -20,6 +20,7 @@ from flightapp.interfaces import Controller, Detector, Estimator, Planner, Plann
 from flightapp.messages import (
     Event,
     Frame,
+    Phase,
     PlanReport,
     ProcessLoad,
     RateCommand,
@@ -112,8 +113,10 @@ def _see(modules: Modules, regions: Sequence[Vector] | None, frame: Frame) -> Si
 async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
     """Poses, and the inertial sensors where there are none → vehicle state.
 
-    The autopilot gets the poses too, but for those that leave the state in doubt: what it knows is then what is left.
+    The autopilot gets the poses too, but for those that leave the state in doubt, and for those that follow them on the
+    way down: what contradicted itself once may have been believed since, and the autopilot lands better without.
     """
+    doubted = False
 
     def publish(state: VehicleState | None) -> None:
         if state is not None:
@@ -124,7 +127,9 @@ async def estimation(rig: Rig, bus: Bus, estimator: Estimator) -> None:
         async for sample in rig.tracker.poses():
             bus.pose.publish(sample)
             state = estimator.on_pose(sample)
-            if state is None or not state.doubt:
+            if state is not None:
+                doubted = bool(state.doubt) or (doubted and bus.phase.latest in (Phase.LANDING, Phase.ABORTED))
+            if not doubted:
                 rig.autopilot.send_pose(sample)
             publish(state)
     finally:

@@ -136,6 +136,7 @@ def _later(trials: dict[Stage, Trial], **others: Trial) -> dict[Stage, Trial]:
 
 
 NARROW = ("geofence.corners=[[-5.0, -0.8], [20.0, 0.8]]", "geofence.margin=0.1")
+SHORT = ("geofence.corners=[[-5.0, -5.0], [11.8, 5.0]]", "geofence.margin=0.1")
 ELSEWHERE = ("geofence.corners=[[3.0, -5.0], [20.0, 5.0]]",)
 NOT_LOW = ("safety.battery_low=0.1",)
 PATIENT = ("safety.tracking_error=5.0", "safety.speed_margin=10.0")
@@ -162,7 +163,7 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         Stage.PREFLIGHT: Trial(lambda t, _: Provocation(()), 1.0, ELSEWHERE, at=0.0),
         Stage.TAKEOFF: Trial(_gust(25.0, 1.2), 1.2, NARROW, begin=SPOOLED),
         Stage.FLYING: Trial(_gust(35.0, 0.7), 1.0, NARROW, clear_of_gates=True),
-        Stage.LANDING: Trial(_gust(25.0, 1.0), 1.2, NARROW, before_end=1.5, pushed=True),
+        Stage.LANDING: Trial(_gust(14.0, 0.8, along=True), 1.2, SHORT, before_end=1.5, pushed=True),
     },
     Kind.OUT_OF_ENVELOPE: {
         Stage.TAKEOFF: Trial(_one("tipped", 170.0), 0.6, begin=SPOOLED + 0.7, forced=True),
