@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import cv2
 import joblib
@@ -15,8 +16,8 @@ from rich.table import Table
 from flightapp import app
 from flightapp.bus import Bus
 from flightapp.config import Config
-from flightapp.evaluation.fault_matrix import CLEARING, Cell, Seen, Stages, Statement, departure
-from flightapp.evaluation.forced import is_forced
+from flightapp.evaluation.fault_matrix import CLEARING, Cell, Seen, Stages, Statement, departure, due
+from flightapp.evaluation.forced import is_forced, turned_over
 from flightapp.evaluation.sweep import wilson_interval
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Rig
@@ -42,7 +43,7 @@ class _Observer:
     collisions: list[Collision] = field(default_factory=list)
     told: dict[FaultKind, float] = field(default_factory=dict)
     begun: dict[Stage, float] = field(default_factory=lambda: {Stage.PREFLIGHT: 0.0})
-    commanded: float = -math.inf
+    commands: list[tuple[float, float]] = field(default_factory=list)
     now: float = 0.0
     landed: float = math.inf
     _count: int = 0
@@ -54,7 +55,7 @@ class _Observer:
         rig.truth.passages.tap(lambda passage: self.passages.append((passage.stamp, passage.gate_id)))
         rig.truth.collisions.tap(self.collisions.append)
         rig.autopilot.status.tap(self.statuses.append)
-        bus.command.tap(lambda command: setattr(self, "commanded", command.stamp))
+        bus.command.tap(lambda command: self.commands.append((command.stamp, float(np.hypot(*command.rates[:2])))))
         bus.fault.tap(self._told)
         bus.phase.tap(self._entered)
 
@@ -63,7 +64,9 @@ class _Observer:
         self._count += 1
         if self._count % THINNED == 0:
             speed = float(np.linalg.norm(truth.velocity))
-            self.motion.append((truth.stamp, *truth.position.tolist(), speed))
+            _, x, y, _ = truth.orientation.tolist()
+            tilt = math.acos(max(1.0 - 2.0 * (x * x + y * y), -1.0))
+            self.motion.append((truth.stamp, *truth.position.tolist(), speed, tilt))
 
     def _told(self, fault: Fault) -> None:
         if not fault.over:
@@ -82,10 +85,11 @@ class _Observer:
             stamp=motion[:, 0],
             position=motion[:, 1:4],
             speed=motion[:, 4],
+            tilt=motion[:, 5],
             statuses=self.statuses,
             passages=[gate_id for _, gate_id in self.passages],
             collisions=self.collisions,
-            last_command=self.commanded,
+            commands=np.array(self.commands).reshape(-1, 2),
             told=self.told,
             stages=stages,
         )
@@ -139,9 +143,13 @@ def run_faults(options: FaultOptions, workers: int, advance: Callable[[bool], No
 
 
 def fly_without(plan: app.FlightPlan, seed: int) -> Stages:
-    """When the stages of a flight without faults begin; raises `BadInputError` where that fails already."""
+    """When the stages of a flight without faults begin; raises `BadInputError` where that fails already.
+
+    What is told and calls for nothing, as what is noticed of a hard touchdown, is no failure.
+    """
     seen, _ = _fly(replace(plan, seed=seed))
-    if set(seen.stages.begin) != set(Stage) or seen.collisions or seen.told:
+    grave = [kind for kind, stamp in seen.told.items() if reaction_to(kind, seen.stages.at(stamp)).gravity > 0]
+    if set(seen.stages.begin) != set(Stage) or seen.collisions or grave:
         told = ", ".join(seen.told) or "it did not come to its end"
         raise BadInputError(f"{plan.mission}: seed {seed} does not fly without faults either: {told}")
     return seen.stages
@@ -186,21 +194,25 @@ def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: in
     except Exception as error:  # a flight that breaks is what this looks for
         return _Outcome(kind, stage, seed, f"{type(error).__name__}: {error}", "")
     hit = sorted({touch.obstacle for touch in seen.collisions})
-    forced = bool(hit) and (trial.forced or _forced(seen, moment, provocation.blind, mission.track, config))
+    forced = bool(hit) and (trial.forced or _forced(seen, moment, provocation, mission.track, config))
     crash = f"hit {', '.join(hit)}" if hit and not forced else ""
     where = f"at {moment:.2f} s: "
-    why = departure(said, seen)
+    # What is broken before it can react is not asked how it reacts.
+    unseen = forced and not trial.forced and min(touch.stamp for touch in seen.collisions) < due(said)
+    why = "" if unseen else departure(said, seen)
     return _Outcome(kind, stage, seed, where + why if why else "", where + crash if crash else "", forced)
 
 
-def _forced(seen: Seen, moment: float, blind: float | None, track: Track, config: Config) -> bool:
+def _forced(seen: Seen, moment: float, provocation: Any, track: Track, config: Config) -> bool:
     """Whether what was hit first could not be avoided from the ``moment`` on; what follows from it doesn't count."""
     first = min(seen.collisions, key=lambda touch: touch.stamp)
-    if blind is None or first.stamp < moment:
+    if provocation.blind is None or first.stamp < moment:
         return False
     row = int(np.searchsorted(seen.stamp, moment))
+    if turned_over(float(seen.tilt[row]), seen.turning(moment), provocation.held):
+        return True
     place, speed = seen.position[row], float(seen.speed[row])
-    return is_forced(track, first.obstacle, place, speed, config.vehicle.radius, blind)
+    return is_forced(track, first.obstacle, place, speed, config.vehicle.radius, provocation.blind)
 
 
 def fault_table(cells: Sequence[Cell]) -> Table:

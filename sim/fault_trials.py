@@ -37,6 +37,8 @@ class Provocation:
     blind: float | None = None
     """s from the moment for which nobody slows the vehicle down before the autopilot does by itself, so that it can't
     but hit what is nearer than that (`evaluation.forced`); None where the application goes on flying it."""
+    held: float = 0.0
+    """s from the moment for which the autopilot flies on the last command's body rates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +83,13 @@ class Trial:
 
 
 def _one(
-    name: str, value: float | str, lasts: float = math.inf, blind: float | None = None
+    name: str, value: float | str, lasts: float = math.inf, blind: float | None = None, held: float = 0.0
 ) -> Callable[[float, Random], Provocation]:
-    return lambda t, _: Provocation(((t, name, value),), lasts, blind)
+    return lambda t, _: Provocation(((t, name, value),), lasts, blind, held)
 
 
-def _for_a_while(name: str, seconds: float, blind: float | None = None) -> Callable[[float, Random], Provocation]:
-    return _one(name, seconds, seconds, blind)
+def _for_a_while(name: str, seconds: float) -> Callable[[float, Random], Provocation]:
+    return _one(name, seconds, seconds)
 
 
 def _passing_or_not(name: str, seconds: float) -> Callable[[float, Random], Provocation]:
@@ -185,14 +187,14 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         _each(_battery(0.17, 0.09), 1.2, NOT_LOW),
         landing=Trial(_battery(0.17, 0.09), 1.2, NOT_LOW, before_end=0.5),
     ),
-    Kind.LINK_LOST: _each(_for_a_while("link_silent", 2.5, CUT_OFF), 2.6),
+    Kind.LINK_LOST: _each(_one("link_silent", 2.5, 2.5, CUT_OFF, CUT_OFF), 2.6),
     Kind.TAKEN_OVER: {
         Stage.TAKEOFF: Trial(_pilot, 0.3, begin=SPOOLED),
         Stage.FLYING: Trial(_pilot, 0.3),
         Stage.LANDING: Trial(_pilot, 0.3, before_end=1.8),
     },
     Kind.NO_COMMAND: {
-        Stage.FLYING: Trial(_one("loop_stall", 0.2, blind=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))
+        Stage.FLYING: Trial(_one("loop_stall", 0.2, blind=0.2, held=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))
     },
     Kind.OVERLOAD: _later(
         _each(_one("loop_busy", LASTING), 3.4),

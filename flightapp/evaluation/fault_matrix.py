@@ -46,6 +46,10 @@ class Stages:
     passages: tuple[float, ...] = ()
     """When gates were passed."""
 
+    def at(self, stamp: float) -> Stage:
+        """The stage at ``stamp``."""
+        return max((begin, stage) for stage, begin in self.begin.items() if begin <= stamp)[1]
+
     def window(self, stage: Stage) -> tuple[float, float]:
         """When ``stage`` begins and ends."""
         later = [t for t in (*self.begin.values(), self.end) if t > self.begin[stage]]
@@ -62,15 +66,27 @@ class Seen:
     """(n, 3) m, world."""
     speed: Vector
     """(n,) m/s."""
+    tilt: Vector
+    """(n,) rad between the body's z axis and up."""
     statuses: Sequence[AutopilotStatus]
     passages: Sequence[int]
     """Gates that were passed, in their order."""
     collisions: Sequence[Collision]
-    last_command: float
-    """s, when the last command was sent."""
+    commands: Vector
+    """(k, 2) when commands were sent, s, and their rate of roll and pitch, rad/s."""
     told: Mapping[FaultKind, float]
     """When the application told of each fault for the first time."""
     stages: Stages
+
+    @property
+    def last_command(self) -> float:
+        """s, when the last command was sent; −∞ where none was."""
+        return float(self.commands[-1, 0]) if self.commands.size else -math.inf
+
+    def turning(self, stamp: float) -> float:
+        """rad/s, rate of roll and pitch of the last command before ``stamp``."""
+        sent = self.commands[self.commands[:, 0] <= stamp]
+        return float(sent[-1, 1]) if sent.size else 0.0
 
     @property
     def armed(self) -> bool:
@@ -128,6 +144,11 @@ def departure(said: Statement, seen: Seen) -> str:
     return _JUDGES[said.reaction](said, seen)
 
 
+def due(said: Statement) -> float:
+    """s, when the reaction must be seen."""
+    return said.begin + said.notice + PROMPT + said.clearing
+
+
 def _fits(kind: FaultKind, said: Statement) -> bool:
     alike = said.reaction is not Reaction.CONTINUE and reaction_to(kind, said.stage) is said.reaction
     return kind is said.kind or alike
@@ -168,7 +189,7 @@ def _refuses(said: Statement, seen: Seen) -> str:
 
 
 def _lands(said: Statement, seen: Seen) -> str:
-    return _landed(seen, said.begin, said.begin + said.notice + PROMPT + said.clearing)
+    return _landed(seen, said.begin, due(said))
 
 
 def _landed(seen: Seen, begin: float, by: float) -> str:

@@ -3,7 +3,12 @@
 From the moment of some faults on nobody steers: nothing reaches the autopilot, there is no state to steer by, or a
 pilot has taken over. The vehicle flies on as it did for a known time, then the autopilot brakes. What stands nearer,
 by the truth, than it takes to stop so may be hit whatever the application does; anything else may not.
+
+Where commands end, the autopilot flies the last body rates on for as long. What these turn over meanwhile comes down
+as it can.
 """
+
+import math
 
 import numpy as np
 
@@ -23,6 +28,14 @@ def stopping_distance(speed: float, blind: float) -> float:
     What a landing may go aside is in it.
     """
     return speed * blind + speed * speed / (2.0 * BRAKING) + ASIDE
+
+
+def turned_over(tilt: float, rate: float, held: float) -> bool:
+    """Whether body rates of ``rate`` rad/s, flown on for ``held`` s, may lay a vehicle on its side, or worse.
+
+    It is tilted by ``tilt`` rad when they begin; where nothing is flown on it is not turned at all.
+    """
+    return held > 0.0 and tilt + rate * held > 0.5 * math.pi
 
 
 def gap(track: Track, obstacle: str, place: Vector, radius: float) -> float:

@@ -36,7 +36,9 @@ def seen(*modes, speed=lambda t: 3.0, end=FINISH, passages=(1, 2), last_command=
     position[~flying, 2] = 0.0
     speeds = np.where(flying, [speed(t) for t in stamps], 0.0)
     stages = Stages({Stage.PREFLIGHT: 0.0}, 20.0)
-    return Seen(stamps, position, speeds, statuses, passages, (), last_command, {FaultKind.POSE_LOST: told}, stages)
+    commands = np.array([(last_command - 0.1, 3.0), (last_command, 1.0)])
+    tilt = np.zeros(stamps.size)
+    return Seen(stamps, position, speeds, tilt, statuses, passages, (), commands, {FaultKind.POSE_LOST: told}, stages)
 
 
 UP = ((0.0, GROUND), (2.0, TAKEOFF), (5.0, OFFBOARD))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flightapp.evaluation.forced import BRAKING, gap, is_forced, stopping_distance
+from flightapp.evaluation.forced import BRAKING, gap, is_forced, stopping_distance, turned_over
 from flightapp.planning.below import ASIDE
 from flightapp.track import Box, Gate, GateShape, Start, Track
 
@@ -39,3 +39,10 @@ def test_only_what_is_nearer_than_it_takes_to_stop_is_forced(x, speed, blind, fo
     place = np.array((x, 0.0, 1.5))
     assert is_forced(TRACK, "gate 7", place, speed, RADIUS, blind) is forced
     assert not is_forced(TRACK, "ground", place, speed, RADIUS, blind)
+
+
+def test_what_the_last_body_rates_lay_on_its_side_is_turned_over():
+    assert turned_over(0.0, 3.0, 0.6)
+    assert not turned_over(0.0, 2.0, 0.6)
+    assert turned_over(0.5, 2.0, 0.6)
+    assert not turned_over(2.0, 8.0, 0.0)
