@@ -1,13 +1,12 @@
 """What a flight asked of its vehicle: how much was commanded, and how much of the time at a limit."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from flightapp.evaluation.flight import Commands
 from flightapp.evaluation.metrics import Window
+from flightapp.evaluation.told import Told
 from flightapp.frames import GRAVITY, Vector
 
 AT_LIMIT = 1e-6
@@ -54,14 +53,12 @@ class Saturation:
     thrust_min: float
 
 
-def bounds_of(settings: Mapping[str, Any]) -> Bounds | None:
+def bounds_of(told: Told) -> Bounds | None:
     """The limits in a flight's effective config; None where it does not tell."""
-    vehicle, guard = settings.get("vehicle", {}), settings.get("guard", {})
-    try:
-        thrust = float(vehicle["thrust_to_weight"]) * GRAVITY
-        return Bounds(float(vehicle["rate_max"]), float(vehicle["yaw_rate_max"]), float(guard["thrust_min"]), thrust)
-    except (KeyError, TypeError, ValueError):
+    v, least = told.vehicle, told.guard.thrust_min
+    if v.thrust_to_weight is None or v.rate_max is None or v.yaw_rate_max is None or least is None:
         return None
+    return Bounds(v.rate_max, v.yaw_rate_max, least, v.thrust_to_weight * GRAVITY)
 
 
 def control_effort(commands: Commands, window: Window) -> Effort | None:

@@ -29,6 +29,7 @@ from flightapp.evaluation.metrics import (
 from flightapp.evaluation.paths import interpolate, path_of
 from flightapp.evaluation.pose_errors import Unit, absolute_errors, relative_errors
 from flightapp.evaluation.splits import laps, splits
+from flightapp.evaluation.told import Told
 from flightapp.inputs import BadInputError
 from flightapp.messages import Event, Outcome
 from flightapp.track import Track
@@ -52,13 +53,13 @@ def summarise(flight: Flight) -> Summary:
     motion = flight.truth if flight.has_truth else flight.states
     speed = speeds(motion, window)
     seed = flight.header.get("seed")
-    settings = flight_settings(flight)
-    gates = _gates(flight, window, settings)
+    told = flight_settings(flight)
+    gates = _gates(flight, window, told)
     summary = {
         "mission": flight.header.get("mission"),
         "seed": int(seed) if seed and seed.lstrip("-").isdigit() else seed,
         "outcome": flight.header.get("outcome"),
-        "v_max": settings.get("race", {}).get("v_max"),
+        "v_max": told.race.v_max,
         "elapsed": window.duration,
         "v_peak": speed and speed.peak,
         "v_avg": speed and speed.mean,
@@ -71,10 +72,10 @@ def summarise(flight: Flight) -> Summary:
         ],
         **_errors(flight, window),
         **_pose_errors(flight, window),
-        **_asked(flight, window, settings),
+        **_asked(flight, window, told),
         "latency": {stage: asdict(found) for stage, found in latencies(flight, window).items()},
         "replans": asdict(plan_statistics(flight.plans, window)),
-        "sender": _sender(flight, window, settings),
+        "sender": _sender(flight, window, told),
         "process": _process(flight),
         "faults": [_timed(event, window) for event in flight.events if event.kind == "fault"],
         "judged_by": "truth" if flight.has_truth else "estimate",
@@ -118,11 +119,11 @@ def flight_track(flight: Flight) -> Track | None:
         raise BadInputError(f"the track in the log's header cannot be read: {error}") from None
 
 
-def flight_settings(flight: Flight) -> dict[str, Any]:
-    """The effective config in the log's header; raises `BadInputError` if it is not TOML."""
+def flight_settings(flight: Flight) -> Told:
+    """What is used of the effective config in the log's header; raises `BadInputError` if that means nothing."""
     try:
-        return tomllib.loads(flight.header.get("config", ""))
-    except tomllib.TOMLDecodeError as error:
+        return Told.model_validate(tomllib.loads(flight.header.get("config", "")))
+    except (tomllib.TOMLDecodeError, ValidationError, RecursionError) as error:
         raise BadInputError(f"the config in the log's header cannot be read: {error}") from None
 
 
@@ -158,21 +159,20 @@ def _pose_errors(flight: Flight, window: Window) -> dict[str, Any]:
     return {"estimation_ape": ape if known else None, "estimation_rpe": rpe and {"step": RPE_STEP, **asdict(rpe)}}
 
 
-def _asked(flight: Flight, window: Window, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _asked(flight: Flight, window: Window, told: Told) -> dict[str, Any]:
     """What was asked of the vehicle; null without commands, or without a config that tells their limits."""
-    effort, bounds = control_effort(flight.commands, window), bounds_of(settings)
+    effort, bounds = control_effort(flight.commands, window), bounds_of(told)
     limited = bounds and saturation(flight.commands, window, bounds)
     return {"effort": effort and asdict(effort), "saturation": limited and asdict(limited)}
 
 
-def _gates(flight: Flight, window: Window, settings: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _gates(flight: Flight, window: Window, told: Told) -> list[dict[str, Any]]:
     """One row for each gate of each lap; the k-th passage of a gate belongs to its k-th lap."""
     track = flight_track(flight)
     gate_ids = [gate.id for gate in track.passage] if track else sorted({p.gate_id for p in flight.passages})
     passages = {gate_id: _passages(flight, gate_id, window, track) for gate_id in gate_ids}
-    laps = settings.get("mission", {}).get("laps", 1)
     rows = []
-    for lap in range(laps):
+    for lap in range(told.mission.laps):
         for gate_id in gate_ids:
             found = passages[gate_id]
             here = found[lap] if lap < len(found) else None
@@ -213,8 +213,8 @@ def _passages(flight: Flight, gate_id: int, window: Window, track: Track | None)
     return [crossing for crossing in found if window.start <= crossing.stamp <= window.end]
 
 
-def _sender(flight: Flight, window: Window, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-    rate = settings.get("control", {}).get("rate")
+def _sender(flight: Flight, window: Window, told: Told) -> dict[str, Any] | None:
+    rate = told.control.rate
     statistics = sender_statistics(flight.commands.stamp, window, rate)
     if statistics is None:
         return None

@@ -100,7 +100,7 @@ def comparison_tables(result: Mapping[str, Any]) -> tuple[TextTable, ...]:
     """What `compare` found, with rotations in degrees."""
     poses = result["poses"]
     how = "read between its poses" if result["association"] == "interpolated" else "nearest in time"
-    title = f"{result['estimate']} against {result['reference']}: {poses['compared']} poses, {how}"
+    title = f"{result['estimate']}\nagainst {result['reference']}\n{poses['compared']} poses, {how}"
     rows = [row for way, errors in result["ape"].items() for row in _rows(f"APE, {_WORDS[Align(way)]}", errors)]
     rpe = result["rpe"]
     if rpe is not None:
