@@ -7,7 +7,9 @@ import typer
 from rich.console import Console
 
 from flightapp import results
-from flightapp.evaluation.tables import terminal_tables
+from flightapp.evaluation.tables import rich_table, terminal_tables
+from flightapp.interchange.sources import read_any_flight
+from flightapp.time_lost import loss_table, time_lost
 
 console = Console()
 
@@ -15,12 +17,18 @@ console = Console()
 def report(
     runs: Annotated[list[Path], typer.Argument(help="run directories, flight.mcap or PX4's .ulg files")],
     compare: Annotated[Path | None, typer.Option(help="FILE.html: a page with all runs overlaid")] = None,
+    against: Annotated[
+        str | None, typer.Option(help="a planner, such as race: the time lost on each leg against its line")
+    ] = None,
     png: Annotated[Path | None, typer.Option(help="directory to write the figures to as PNG, for papers")] = None,
 ) -> None:
     """Print each flight's tables and write report.html beside its log."""
     for run in runs:
         summary, page = results.report(run, png)
         console.print(*terminal_tables(summary), sep="\n")
+        if against is not None:
+            lost = time_lost(read_any_flight(run), summary, against)
+            console.print(rich_table(loss_table(lost, against)))
         console.print(f"report: {page}", soft_wrap=True)
     if compare is not None:
         results.compare(runs, compare, png)

@@ -1,5 +1,6 @@
 """One flight in simulation: what its log says is what can be worked out from it by hand."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -7,7 +8,9 @@ import pytest
 
 from flightapp import app, results
 from flightapp.config import Config
+from flightapp.inputs import BadInputError
 from flightapp.recording.reader import read_flight
+from flightapp.time_lost import loss_table, time_lost
 
 MISSION = Path(__file__).parents[2] / "missions" / "one_gate.py"
 
@@ -17,6 +20,23 @@ def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "one"
     flown = app.fly(app.FlightPlan(MISSION, out, overrides=("sim.camera=corners",), seed=11))
     return out, results.finish(flown, page=False)
+
+
+def test_time_lost_is_told_leg_by_leg(run):
+    """One gate: a leg to it and one to the finish, against a line that knows the gate from the start."""
+    out, summary = run
+    flight = read_flight(out / "flight.mcap")
+    found = time_lost(flight, summary, "race")
+    assert [loss.to for loss in found] == ["1", "finish"]
+    assert found[0].flown == pytest.approx(summary["gates"][0]["time"], abs=1e-6)
+    assert sum(loss.flown for loss in found) == pytest.approx(summary["elapsed"], abs=1e-5)
+    for loss in found:
+        assert 0.5 < loss.least < loss.flown + 0.3
+    assert sum(loss.lost for loss in found) > 0.0
+    assert len(loss_table(found, "race").rows) == 3
+    blind = dataclasses.replace(flight, header={**flight.header, "track": ""})
+    with pytest.raises(BadInputError, match="no gates whose places are known"):
+        time_lost(blind, summary, "race")
 
 
 def racing(flight):

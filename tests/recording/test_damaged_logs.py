@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from flightapp.cli import cli
 from flightapp.config import Config, dump_config
+from flightapp.evaluation.flight import Flight
 from flightapp.evaluation.report import report_html
 from flightapp.evaluation.summary import summarise
 from flightapp.inputs import BadInputError
@@ -75,8 +76,6 @@ def test_a_cut_and_damaged_log_is_told_or_refused(whole, tmp_path_factory, cut, 
 @settings(max_examples=40, deadline=None)
 @given(st.sampled_from(("track", "config", "seed", "sender", "mission", "outcome")), st.text(max_size=60))
 def test_a_header_with_anything_in_it_is_told_or_refused(key, text):
-    from flightapp.evaluation.flight import Flight
-
     try:
         summarise(Flight({**HEADER, key: text}))
     except BadInputError as error:
@@ -90,7 +89,7 @@ WRONG = ("race = 1", "mission = 2", "[mission]\nlaps = 'two'", "[mission]\nlaps 
 def test_a_config_that_means_nothing_is_told(text):
     """Such as a byte that was flipped in a log without its end makes of it."""
     with pytest.raises(BadInputError, match="the config in the log's header"):
-        summarise(synthetic.flight().__class__({**HEADER, "config": text}))
+        summarise(Flight({**HEADER, "config": text}))
 
 
 def test_the_command_says_what_is_wrong_and_ends_with_2(whole, tmp_path):
