@@ -1,7 +1,7 @@
 """Every experiment of the paper: what is flown, and what is made of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,10 @@ from flightapp.campaign.fly import Advance, Where, fly_all
 from flightapp.campaign.run import Result, Run
 from flightapp.evaluation.experiments import PROFILING, Experiment, needed
 from flightapp.evaluation.limit import LIMIT, LimitCase, limit_table
-from flightapp.evaluation.paper import paper_tables
+from flightapp.evaluation.paper import Table, paper_tables
 from flightapp.evaluation.paper_documents import csv_text, latex_text
 from flightapp.evaluation.paper_page import all_tables, paper_markdown, paper_page
-from flightapp.evaluation.paper_rows import Row, row_json, rows_of
+from flightapp.evaluation.paper_rows import Row, row_json, row_of
 from flightapp.evaluation.paper_tables import remark_lines
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import TextTable
@@ -22,6 +22,7 @@ from flightapp.results import write_json, write_text
 JETSON = ("compute.detection=0.094", "compute.plan=0.321")
 """What the paper's detector, and its generator for 14 points, take on its Jetson (table 14)."""
 PRESETS: Mapping[str, tuple[str, ...]] = {"here": (), "jetson": JETSON}
+CLOSER = " closer"
 TAKEOFF_AND_LANDING = 8.0
 """s, about, of each flight."""
 
@@ -74,7 +75,7 @@ def fly_paper(options: PaperOptions, where: Where, advance: Advance) -> PaperFlo
     by_number = {table.number: table for table in paper_tables()}
     rows = {
         number: [
-            rows_of(by_number[number], experiment, v_max, results[_label(experiment, v_max)])
+            _row(by_number[number], experiment, v_max, results)
             for experiment in experiments
             if number in experiment.tables
             for v_max in (*experiment.v_max, *experiment.beyond)
@@ -99,11 +100,14 @@ def paper_runs(options: PaperOptions) -> list[Run]:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     for e in needed(options.tables):
         for v_max in (*e.v_max, *e.beyond):
+            cost = TAKEOFF_AND_LANDING + e.length / min(v_max, 4.0)
+            speed = f"race.v_max={v_max:g}"
             for seed in seeds:
-                overrides = (*e.settings, *settings, f"race.v_max={v_max:g}")
-                plan = app.FlightPlan(e.mission, Path(), "sim", e.vehicle, overrides, seed)
-                cost = TAKEOFF_AND_LANDING + e.length / min(v_max, 4.0)
+                plan = app.FlightPlan(e.mission, Path(), "sim", e.vehicle, (*e.settings, *settings, speed), seed)
                 runs.append((cost, Run(plan, _label(e, v_max), traced=seed == options.first_seed)))
+                if (closer := e.closer.get(v_max)) is not None:
+                    nearer = replace(plan, overrides=(*plan.overrides, *closer))
+                    runs.append((cost, Run(nearer, _label(e, v_max, CLOSER))))
     if options.compute == "jetson" and {12, 13} & set(options.tables):
         for case in LIMIT:
             for seed in seeds:
@@ -160,5 +164,10 @@ def write_paper(flown: PaperFlown, text: PaperText, directory: Path, command: st
     return [directory / name for name in ("paper.json", *files)]
 
 
-def _label(experiment: Experiment, v_max: float) -> str:
-    return f"{experiment.name} v_max={v_max:g}"
+def _row(table: Table, experiment: Experiment, v_max: float, results: Mapping[str, Sequence[Result]]) -> Row:
+    closer = results.get(_label(experiment, v_max, CLOSER), ())
+    return row_of(table, experiment, v_max, results[_label(experiment, v_max)], closer)
+
+
+def _label(experiment: Experiment, v_max: float, kind: str = "") -> str:
+    return f"{experiment.name} v_max={v_max:g}{kind}"

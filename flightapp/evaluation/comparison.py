@@ -75,8 +75,9 @@ def comparison_page(comparison: Mapping[str, Any], title: str, command: str) -> 
         ("flights", str(comparison["runs"])),
         ("successes", str(comparison["successes"])),
     )
+    tables = comparison_tables(comparison)
     figures = {"success": _success(comparison), "errors": _errors(comparison)}
-    return page_html(heading, facts, figures, comparison_tables(comparison))
+    return page_html(heading, facts, figures, tables, [table.title for table in tables])
 
 
 def _success(comparison: Mapping[str, Any]) -> go.Figure:

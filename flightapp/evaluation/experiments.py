@@ -1,11 +1,13 @@
 """The paper's experiments, as they are flown here, and what is not the same."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from flightapp.inputs import BadInputError
 
+EXACT = ("sim.tracker=ideal", "estimation.estimator=t265")
+"""The simulator's own state, taken as it is."""
 PROFILING = 14
 """The table of computation times, for which nothing is flown."""
 
@@ -30,6 +32,10 @@ class Experiment:
     settings: tuple[str, ...] = ()
     beyond: tuple[float, ...] = ()
     """m/s, flown besides, without numbers of the paper."""
+    closer: Mapping[float, tuple[str, ...]] = field(default_factory=dict)
+    """Settings by v_max of flights that are closer to the paper's, to see what makes the difference."""
+    closer_name: str = ""
+    """What is closer about them."""
 
 
 EXPERIMENTS = (
@@ -45,6 +51,8 @@ EXPERIMENTS = (
         "The paper flew PX4's iris in Gazebo and took its state from the simulator; here it is estimated from a"
         " simulated T265 and an accelerometer with their errors. One lap per flight, rest to rest. The paper does not"
         " give the curve's size: 11 m × 5.5 m fit its mean speeds and times.",
+        closer=dict.fromkeys((3.0, 5.0, 7.0), EXACT),
+        closer_name="with the simulator's state",
     ),
     Experiment(
         "lemniscate_real",
@@ -58,6 +66,8 @@ EXPERIMENTS = (
         "The paper flew a real F330; here it is simulated, its parameters from published measurements and estimates."
         " As there, the state is the T265's own (estimation.estimator = t265).",
         ("estimation.estimator=t265",),
+        closer={3.0: ("race.v_max=1.3",)},
+        closer_name="at the paper's pace",
     ),
     Experiment(
         "five_gates_sim",

@@ -17,13 +17,14 @@ VEHICLE = Path("config/sim_f330.toml")
 SPEEDS = (1.0, 2.0, 3.0, 4.0)
 """m/s."""
 PLANNERS: Mapping[str, tuple[float, float]] = {
-    "ours": (0.04, 0.02),
+    "ours": (0.06, 0.02),
     "the paper's, 6 points": (0.051, 0.094),
     "the paper's, 14 points": (0.321, 0.094),
     "the paper's, 26 points": (1.028, 0.094),
 }
-"""s per plan and per detection on a Jetson Xavier NX. The paper's are its table 14's; ours are what `flightapp bench`
-measures (race_replan, aruco_full) times the factor between the paper's two computers, rounded up."""
+"""s per plan and per detection on a Jetson Xavier NX. The paper's are its table 14's. Ours are the 14 ms (race_plan)
+and 1.9 ms (aruco_full) that `flightapp bench` measured on x86-64, times the factors between the paper's two computers
+(3.75 and 6.2), rounded up."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from flightapp.evaluation.paper_tables import profile_table, remark_lines
 from flightapp.evaluation.tables import TextTable
 
 REMARKS = "Ratios that are not below 1 (*), and flights that failed"
+DIFFERS = "What is not the same"
 LEGEND = (
     "Means over the successful flights ± standard deviation over the seeds. RMSE as the paper defines it: position or"
     " velocity, reference − estimate; below it the same by ground truth. total: √ mean ‖e‖²."
@@ -32,7 +33,7 @@ def all_tables(rows: Rows, profile: Sequence[Mapping[str, Any]], limit: TextTabl
 
 def remarks_table(rows: Rows) -> TextTable:
     """Why what isn't better is not."""
-    return TextTable(REMARKS, ("where", "why"), [[where, why] for where, why in remark_lines(rows)])
+    return TextTable(REMARKS, ("where, and why",), [[f"{where}: {why}"] for where, why in remark_lines(rows)])
 
 
 def counted(rows: Rows) -> tuple[int, int]:
@@ -63,8 +64,9 @@ def paper_page(
     parts = list(tables.values())
     if (remarks := remarks_table(rows)).rows:
         parts.append(remarks)
-    parts.append(TextTable("What is not the same", ("experiment", ""), [[e.title, e.differs] for e in experiments]))
+    parts.append(TextTable(DIFFERS, ("experiment",), [[f"{e.title}: {e.differs}"] for e in experiments]))
     wide = [name for name in figures if name[4:] in {"a", "b", "c"} or name in {"fig5", "fig7"}]
+    wide += [REMARKS, DIFFERS]
     good = numbers == better
     heading = Heading(
         "The paper's experiments", f"{better} of {numbers} numbers below the paper's", good, f"{LEGEND} · {command}"

@@ -32,6 +32,9 @@ class Row:
     """Standard deviation by column, of at least two flights."""
     other: Numbers | None
     """Means of what `TRUTH` says."""
+    closer: Numbers | None
+    """Means of flights that are closer to the paper's, where there are any."""
+    closer_name: str
     paper: Mapping[str, float] | None
     """None where the paper flew nothing like it."""
     why: tuple[str, ...]
@@ -45,10 +48,18 @@ class Row:
         return {column: _ratio(self.ours[column], self.paper[column]) for column in self.table.columns}
 
 
-def rows_of(table: Table, experiment: Experiment, v_max: float, results: Sequence[Mapping[str, Any]]) -> Row:
-    """The row of ``table`` for the `Result`s of flights of ``experiment`` at ``v_max`` (m/s)."""
-    failures = [str(r.get("why") or why_failed(r["summary"])) for r in results]
-    good = [r["summary"] for r, why in zip(results, failures, strict=True) if not why]
+def row_of(
+    table: Table,
+    experiment: Experiment,
+    v_max: float,
+    results: Sequence[Mapping[str, Any]],
+    closer: Sequence[Mapping[str, Any]] = (),
+) -> Row:
+    """The row of ``table`` for the `Result`s of flights of ``experiment`` at ``v_max`` (m/s).
+
+    ``closer`` are those of flights that are closer to the paper's.
+    """
+    good, failures = _sorted(results)
     numbers = [table.ours(summary) for summary in good]
     ours = {column: _mean([n[column] for n in numbers]) for column in table.columns}
     deviation = {column: _deviation([n[column] for n in numbers]) for column in table.columns}
@@ -57,11 +68,14 @@ def rows_of(table: Table, experiment: Experiment, v_max: float, results: Sequenc
         others = [summary.get(TRUTH[table.metric]) or {} for summary in good]
         other = {column: _mean([n.get(column) for n in others]) for column in AXES}
     paper = table.row(v_max) if v_max in experiment.v_max else None
-    why = [*_why_failed([text for text in failures if text], len(results))]
+    why, near, name = _why_failed(failures, len(results)), None, ""
     if paper is not None:
-        why += _why_not_better(table, v_max, ours, paper)
+        name = experiment.closer_name
+        there = [table.ours(summary) for summary in _sorted(closer)[0]]
+        near = {column: _mean([n[column] for n in there]) for column in table.columns} if there else None
+        why += _why_not_better(table, ours, paper, near, name)
     vehicle = experiment.vehicle.stem.removeprefix("sim_")
-    return Row(table, v_max, vehicle, len(results), len(good), ours, deviation, other, paper, tuple(why))
+    return Row(table, v_max, vehicle, len(results), len(good), ours, deviation, other, near, name, paper, tuple(why))
 
 
 def row_json(row: Row) -> dict[str, Any]:
@@ -74,10 +88,18 @@ def row_json(row: Row) -> dict[str, Any]:
         "ours": dict(row.ours),
         "deviation": dict(row.deviation),
         "by_truth" if row.table.metric != "estimation_rmse" else "tracker": row.other and dict(row.other),
+        "closer": row.closer and {"what": row.closer_name, **row.closer},
         "paper": row.paper and dict(row.paper),
         "ratio": row.ratio,
         "why": list(row.why),
     }
+
+
+def _sorted(results: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], list[str]]:
+    """The summaries of those that succeeded, and why the others did not."""
+    failures = [str(result.get("why") or why_failed(result["summary"])) for result in results]
+    good = [result["summary"] for result, why in zip(results, failures, strict=True) if not why]
+    return good, [why for why in failures if why]
 
 
 def _why_failed(failures: Sequence[str], flights: int) -> list[str]:
@@ -87,18 +109,20 @@ def _why_failed(failures: Sequence[str], flights: int) -> list[str]:
     return [f"{len(failures)} of {flights} flights failed: {kinds}"]
 
 
-def _why_not_better(table: Table, v_max: float, ours: Numbers, paper: Mapping[str, float]) -> list[str]:
+def _why_not_better(
+    table: Table, ours: Numbers, paper: Mapping[str, float], closer: Numbers | None, name: str
+) -> list[str]:
     """A sentence for each number of which less is better, and that is not less than the paper's."""
     told = []
     for column in table.judged:
         ratio = _ratio(ours[column], paper[column])
         if ratio is None or ratio < 1.0:
             continue
-        told.append(f"{column} {ratio:.2f} × the paper's: {_reason(table, column, ours, paper)}")
+        told.append(f"{column} {ratio:.2f} × the paper's: {_reason(column, ours, paper, closer, name)}")
     return told
 
 
-def _reason(table: Table, column: str, ours: Numbers, paper: Mapping[str, float]) -> str:
+def _reason(column: str, ours: Numbers, paper: Mapping[str, float], closer: Numbers | None, name: str) -> str:
     largest = max(AXES[:3], key=lambda axis: paper.get(axis, 0.0))
     if column == "total" and paper["total"] < paper[largest]:
         root = math.sqrt(math.fsum(paper[axis] ** 2 for axis in AXES[:3]))
@@ -107,11 +131,9 @@ def _reason(table: Table, column: str, ours: Numbers, paper: Mapping[str, float]
             f"the paper's total, {paper['total']:.4f}, is less than its {largest}, {paper[largest]:.4f}; against the"
             f" root of its axes' squares, {root:.4f}, which is what ours is, the ratio is {against:.2f}"
         )
-    return REASONS.get((table.number, column), "not explained")
-
-
-REASONS: Mapping[tuple[int, str], str] = {}
-"""Why a column of a table is not better than the paper's, where it is not."""
+    if closer is not None and (ratio := _ratio(closer[column], paper[column])) is not None:
+        return f"{name} it is {ratio:.2f} ×"
+    return "not explained"
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

@@ -41,6 +41,8 @@ def _lines(row: Row) -> list[list[str]]:
     if row.other is not None:
         name = "tracker alone" if row.table.metric == "estimation_rmse" else "by truth"
         lines.append([name, *_numbers(row.other, columns), ""])
+    if row.closer is not None:
+        lines.append([row.closer_name, *_numbers(row.closer, columns), ""])
     if row.paper is not None:
         lines.append(["paper", *_numbers(row.paper, columns), ""])
         lines.append(["ours / paper", *(_marked(row, column) for column in columns), ""])

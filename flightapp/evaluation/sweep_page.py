@@ -10,7 +10,9 @@ from flightapp.evaluation.page import Heading, page_html
 from flightapp.evaluation.tables import TextTable, number
 
 COLOURS = ("#1d4ed8", "#d1495b", "#5a9e4b", "#a878c8", "#e8871e", "#0e7490", "#6b7280")
-FAILURES = "Failures"
+SUCCESS, FAILURES = "Success", "Failures"
+ASIDE = 0.008
+"""Of the axis, between series."""
 SHOWN = 30
 """Failures that a table lists, at most."""
 
@@ -30,7 +32,7 @@ def success_table(sweep: Sweep) -> TextTable:
     if len(rows) != 1:
         rows.append([*(["all"] + [""] * len(keys))[: len(keys)], *_counted(sweep)])
     columns = (*keys, "runs", "good", "rate", "95 % interval", "elapsed p50 s", "p95 s", "offset p50 m", "worst m")
-    return TextTable("Success", columns, rows)
+    return TextTable(SUCCESS, columns, rows)
 
 
 def _counted(point: Mapping[str, Any]) -> list[str]:
@@ -92,7 +94,9 @@ def sweep_page(sweep: Sweep, title: str, command: str) -> str:
     good = sweep["successes"] == sweep["runs"]
     verdict = "all good" if good else f"{sweep['runs'] - sweep['successes']} failed"
     figures = {"success": success_figure(sweep), "elapsed": elapsed_figure(sweep)}
-    return page_html(Heading(title, verdict, good, command), facts, figures, sweep_tables(sweep))
+    tables = sweep_tables(sweep)
+    wide = [table.title for table in tables if table.title.startswith((SUCCESS, FAILURES))]
+    return page_html(Heading(title, verdict, good, command), facts, figures, tables, wide)
 
 
 def success_figure(sweep: Sweep) -> go.Figure:
@@ -120,6 +124,9 @@ def elapsed_figure(sweep: Sweep) -> go.Figure:
 
 
 def _draw(figure: go.Figure, n: int, name: str, x: list[Any], y: list[Any], spread: Mapping[str, Any]) -> None:
+    """One series; those of numbers stand a little beside each other, so that all error bars are seen."""
+    if len(x) > 1 and all(isinstance(value, float) for value in x):
+        x = [value + ASIDE * n * (max(x) - min(x)) for value in x]
     colour = COLOURS[n % len(COLOURS)]
     marker, pen = {"color": colour, "size": 9}, {"color": colour, "width": 1.5}
     look = {"mode": "lines+markers", "marker": marker, "line": pen, "showlegend": bool(name)}

@@ -14,7 +14,7 @@ from flightapp.evaluation.experiments import EXPERIMENTS, needed, read_only
 from flightapp.evaluation.paper import AXES, paper_tables
 from flightapp.evaluation.paper_documents import csv_text, latex_escaped, latex_table, latex_text, markdown_table
 from flightapp.evaluation.paper_page import counted, paper_markdown
-from flightapp.evaluation.paper_rows import row_json, rows_of
+from flightapp.evaluation.paper_rows import row_json, row_of
 from flightapp.evaluation.paper_tables import paper_table_text, profile_table, remark_lines
 from flightapp.evaluation.tables import TextTable
 from flightapp.inputs import BadInputError
@@ -34,7 +34,7 @@ def result(factor=1.0, outcome="GOAL_ACHIEVED", elapsed=10.0):
 
 def test_a_row_by_hand():
     flown = [result(1.0), result(3.0), result(9.0, "WRONG_PROGRESS"), {"seed": 3, "why": "its process died"}]
-    row = rows_of(TABLES[1], LEMNISCATE, 3.0, flown)
+    row = row_of(TABLES[1], LEMNISCATE, 3.0, flown)
     assert (row.flights, row.good) == (4, 2)
     assert row.ours["total"] == pytest.approx(0.06)
     assert row.deviation["x"] == pytest.approx(0.01 * math.sqrt(2.0))
@@ -49,18 +49,25 @@ def test_a_row_by_hand():
 
 
 def test_a_total_that_the_paper_makes_smaller_than_its_axes_is_said_to_be():
-    (why,) = [text for text in rows_of(TABLES[2], LEMNISCATE, 3.0, [result(4.0)]).why if "total" in text]
+    (why,) = [text for text in row_of(TABLES[2], LEMNISCATE, 3.0, [result(4.0)]).why if "total" in text]
     root = math.sqrt(0.2033**2 + 0.1287**2 + 0.0325**2)
     assert why.startswith("total 1.11 × the paper's: the paper's total, 0.1077, is less than its x, 0.2033;")
     assert f"{root:.4f}" in why
     assert why.endswith(f"the ratio is {0.12 / root:.2f}")
 
 
+def test_flights_that_are_closer_to_the_papers_tell_what_makes_the_difference():
+    row = row_of(TABLES[1], LEMNISCATE, 3.0, [result()], [result(0.5), result(9.0, "PROCESS_FAILURE")])
+    assert row.why == ("z 1.60 × the paper's: with the simulator's state it is 0.80 ×",)
+    assert paper_table_text([row]).rows[2] == ["with the simulator's state", "0.0050", "0.0100", "0.0100", "0.0150", ""]
+    assert row_json(row)["closer"]["z"] == pytest.approx(0.01)
+
+
 def test_without_a_success_there_are_no_numbers_and_a_speed_beyond_has_no_ratio():
-    row = rows_of(TABLES[12], FOUR, 1.0, [result(1.0, "PROCESS_FAILURE")])
+    row = row_of(TABLES[12], FOUR, 1.0, [result(1.0, "PROCESS_FAILURE")])
     assert set(row.ours.values()) == set(row.ratio.values()) == {None}
     assert row.why == ("1 of 1 flights failed: 1 × PROCESS_FAILURE",)
-    beyond = rows_of(TABLES[13], FOUR, 4.0, [result()])
+    beyond = row_of(TABLES[13], FOUR, 4.0, [result()])
     assert beyond.paper is None
     assert beyond.why == ()
     lines = paper_table_text([row, beyond]).rows
@@ -68,15 +75,15 @@ def test_without_a_success_there_are_no_numbers_and_a_speed_beyond_has_no_ratio(
 
 
 def test_only_less_elapsed_time_is_better_among_the_speeds():
-    slow = rows_of(TABLES[3], LEMNISCATE, 3.0, [result(elapsed=30.0)])
+    slow = row_of(TABLES[3], LEMNISCATE, 3.0, [result(elapsed=30.0)])
     assert slow.why == (f"elapsed {30.0 / 27.7:.2f} × the paper's: not explained",)
-    assert counted({3: [slow], 1: [rows_of(TABLES[1], LEMNISCATE, 5.0, [result()])]}) == (5, 4)
+    assert counted({3: [slow], 1: [row_of(TABLES[1], LEMNISCATE, 5.0, [result()])]}) == (5, 4)
     assert remark_lines({3: [slow]}) == [("table 3, v_max 3", slow.why[0])]
     assert paper_table_text([slow]).rows[-1][-2].endswith("*")
 
 
 def test_csv_has_every_number():
-    row = rows_of(TABLES[3], LEMNISCATE, 3.0, [result(), result(elapsed=20.0)])
+    row = row_of(TABLES[3], LEMNISCATE, 3.0, [result(), result(elapsed=20.0)])
     lines = list(csv.DictReader(io.StringIO(csv_text([row]))))
     assert [line["column"] for line in lines] == ["v_peak", "v_avg", "elapsed"]
     assert (lines[2]["ours"], lines[2]["paper"], lines[2]["good"]) == ("15", "27.7", "2")
@@ -110,7 +117,7 @@ def test_a_latex_table_has_as_many_cells_in_each_row_as_columns():
 
 
 def test_markdown():
-    row = rows_of(TABLES[1], LEMNISCATE, 3.0, [result()])
+    row = row_of(TABLES[1], LEMNISCATE, 3.0, [result()])
     text = markdown_table(paper_table_text([row]))
     assert len({line.count(" |") for line in text.splitlines()[2:]}) == 1
     page = paper_markdown({1: [row]}, {"table:1": paper_table_text([row])}, [LEMNISCATE], "flightapp paper")
