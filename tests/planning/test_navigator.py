@@ -276,7 +276,7 @@ def test_only_with_time_left_is_a_plan_flown_in_a_simulation_before(flying):
     navigator, *_ = flying
     navigator.took(0.002)
     assert navigator.has_time
-    navigator.took(0.999)
+    navigator.took(1.999)
     assert not navigator.has_time
 
 
