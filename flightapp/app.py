@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import foxglove
+
 from flightapp import tasks
 from flightapp.autopilot.guard import CommandGuard
 from flightapp.autopilot.sender import SenderReport
@@ -35,6 +37,7 @@ from flightapp.planning.line import Line
 from flightapp.planning.navigator import Navigator
 from flightapp.realtime import RealtimeSession, describe, undisturbed
 from flightapp.recording.applog import AppLog
+from flightapp.recording.live import served
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
 from flightapp.retuning import Retuner, hangups
@@ -59,6 +62,8 @@ class FlightPlan:
     overrides: tuple[str, ...] = ()
     seed: int = 0
     realtime: bool = False
+    live: str = ""
+    """HOST:PORT at which to serve the live view; empty for none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +104,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
     mission, config = prepare(plan)
     rig_class = find("rigs", plan.rig)
 
-    async def main() -> Flown:
+    async def main(context: foxglove.Context | None) -> Flown:
         known = with_map(told(mission.track, config), config)
         warm_up(config, known, choose_modules(config, known, config.camera.model()))
         session = RealtimeSession(config.realtime)
@@ -111,7 +116,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         track = mission.track.model_dump_json()
         header = {"mission": mission.name, "seed": str(plan.seed), "track": track, "config": text}
         opening, create = mission.track.gate.opening, rig.computer.create
-        log = FlightLog(plan.out / "flight.mcap", header=header, opening=opening, create=create)
+        log = FlightLog(plan.out / "flight.mcap", header=header, opening=opening, create=create, context=context)
         recorder = Recorder(log, threaded=plan.realtime)
         entries = {"outcome": Outcome.PROCESS_FAILURE.value, "reason": "not started"}
         try:
@@ -127,8 +132,9 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         wall = time.perf_counter() - wall
         return Flown(mission.name, plan.seed, ending, tasks.now() - begin, wall, plan.out, error)
 
-    with asyncio.Runner(loop_factory=rig_class.loop_factory(plan.realtime)) as runner:
-        return runner.run(main())
+    factory = rig_class.loop_factory(plan.realtime)
+    with served(plan.live, mission.name) as context, asyncio.Runner(loop_factory=factory) as runner:
+        return runner.run(main(context))
 
 
 def _close(recorder: Recorder, entries: dict[str, str]) -> str:

@@ -11,6 +11,7 @@ from flightapp.commands.options import Connect, Mission, Overrides, Vehicle
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import terminal_tables
 from flightapp.inputs import BadInputError
+from flightapp.recording.live import LOOPBACK
 
 console = Console()
 
@@ -27,6 +28,12 @@ def fly(
     overrides: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="run directory; default: a new one in runs/")] = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="simulate on the wall clock")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help=f"serve the flight to Foxglove while it lasts, at ws://{LOOPBACK}")
+    ] = False,
+    live_at: Annotated[
+        str | None, typer.Option("--live-at", metavar="HOST:PORT", help="the same at another address")
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="list what the mission would do if all went well, without flying")
     ] = False,
@@ -45,7 +52,10 @@ def fly(
     rig = "px4" if connect is not None else "mavlink" if mavlink else "sim"
     settings = [*(overrides or ()), *([f"link.connection={connect}"] if connect is not None else [])]
     directory = results.run_directory(mission, seed, out)
-    plan = app.FlightPlan(mission, directory, rig, vehicle, tuple(settings), seed, realtime or rig != "sim")
+    shown = live_at or (LOOPBACK if live else "")
+    plan = app.FlightPlan(mission, directory, rig, vehicle, tuple(settings), seed, realtime or rig != "sim", shown)
+    if shown:
+        console.print(f"live view: ws://{shown}, layout config/foxglove_layout.json", highlight=False, soft_wrap=True)
     with display.progress(console) as watch:
         flown = app.fly(plan, watch)
     summary = results.finish(flown)

@@ -35,6 +35,8 @@ from flightapp.trajectory import Trajectory, hover
 
 TRANSFORM_INTERVAL = 1.0 / 30.0
 MAP_INTERVAL = 0.2
+LINE_INTERVAL = 1.0
+"""s, after which the line is shown again, to those who began to look later."""
 LINE_POINTS = 120
 JPEG_QUALITY = 80
 
@@ -59,6 +61,8 @@ class View:
         self._log = LogChannel("/view/log", context=context)
         self._transform_due = -math.inf
         self._map_due = -math.inf
+        self._planned: Trajectory | None = None
+        self._line_due = -math.inf
         hover(0.0, np.zeros(3), 0.0).sample(np.zeros(LINE_POINTS))  # compiles what draws lines, before the flight
 
     def show(self, message: Any, time: int) -> None:
@@ -68,7 +72,7 @@ class View:
         elif isinstance(message, GateMap):
             self._show_map(message, time)
         elif isinstance(message, Trajectory):
-            self._show_trajectory(message, time)
+            self._show_trajectory(message, time, message.stamp)
         elif isinstance(message, Frame):
             self._show_frame(message, time)
         elif isinstance(message, Event):
@@ -79,6 +83,8 @@ class View:
     def _show_state(self, state: VehicleState, time: int) -> None:
         if state.stamp < self._transform_due:
             return
+        if self._planned is not None and state.stamp >= self._line_due:
+            self._show_trajectory(self._planned, time, state.stamp)
         self._transform_due = state.stamp + TRANSFORM_INTERVAL
         w, x, y, z = state.orientation.tolist()
         transform = FrameTransform(
@@ -106,7 +112,8 @@ class View:
         ]
         self._gates.log(SceneUpdate(entities=entities), log_time=time)
 
-    def _show_trajectory(self, trajectory: Trajectory, time: int) -> None:
+    def _show_trajectory(self, trajectory: Trajectory, time: int, stamp: float) -> None:
+        self._planned, self._line_due = trajectory, stamp + LINE_INTERVAL
         points = trajectory.sample(np.linspace(0.0, trajectory.duration, LINE_POINTS)).position
         line = _polyline(points, _LINE_COLOUR, 0.04)
         entity = SceneEntity(timestamp=_timestamp(time), frame_id="world", id="trajectory", lines=[line])

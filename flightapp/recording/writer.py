@@ -78,6 +78,7 @@ class FlightLog:
     whatever else the caller wants to keep. ``opening`` is the side of the gates' openings in metres, for the
     3-D view. ``create`` makes the file, if another than an ordinary one is wanted. ``durable`` waits at every flush
     until the disk has the data, so that a loss of power costs no more than a crash; it belongs in a thread of its own.
+    ``context`` is where the messages pass through, for others that listen there, such as a live view.
     Raises OSError if the file exists or cannot be made.
     A disk that fails in flight does not raise; `error` tells, and `close` raises it.
     """
@@ -90,10 +91,11 @@ class FlightLog:
         opening: float = 1.4,
         durable: bool = False,
         create: Callable[[Path], RawIOBase] | None = None,
+        context: Context | None = None,
     ) -> None:
         self._file = _File(path.open("xb", buffering=0) if create is None else create(path))
         self._durable = durable
-        self._context = Context()
+        self._context = Context() if context is None else context
         options = MCAPWriteOptions(
             compression=MCAPCompression.Lz4,
             profile=PROFILE,
