@@ -57,13 +57,14 @@ TABLE: Mapping[FaultKind, Row] = {
         "The estimator has doubted its own state for safety.doubt_time: what the tracker says contradicts it, or it is"
         " known worse than estimation.trusted_sigma or estimation.trusted_speed.",
         "Feedback from a wrong state flies into walls. The autopilot's own estimate is what is left; a takeoff and a"
-        " landing are its own already.",
+        " landing are its own already. Poses that are doubted are kept from it.",
         REFUSE, LAND, LAND, CONTINUE, adrift=True,
     ),
     FaultKind.POSE_LOST: _row(
         "There is no state newer than safety.state_timeout; poses that are missing are bridged for estimation.coast"
         " before that. In flight the guard first holds the attitude for guard.hold.",
-        "Without a state there is no command. The autopilot can still sink, with whatever position it has.",
+        "Without a state there is no command. The autopilot can still sink, with whatever position it has; its"
+        " barometer (EKF2_BARO_CTRL) tells it of the ground.",
         REFUSE, LAND, LAND, CONTINUE, adrift=True,
     ),
     FaultKind.CAMERA_LOST: _row(
