@@ -20,6 +20,7 @@ from flightapp.config import Config, dump_config
 from flightapp.evaluation.flight import Flight
 from flightapp.evaluation.report import report_html
 from flightapp.evaluation.summary import summarise
+from flightapp.evaluation.timing import histogram
 from flightapp.inputs import BadInputError
 from flightapp.messages import Event
 from flightapp.recording.reader import read_flight
@@ -53,6 +54,13 @@ def told_or_refused(data, path):
     except BadInputError as error:
         assert "\n\n" not in str(error)
         return None
+
+
+def test_ticks_that_differ_by_rounding_alone_are_drawn():
+    steady = 4.0 + np.array((0.0, 1e-15, -4e-16, 0.0))
+    assert histogram("commands", steady).data[0].y.sum() == steady.size
+    for values in ((2.0, 2.0, 2.9), (2.0, 2.4, 9.0)):
+        assert histogram("plans", np.array(values)).data[0].y.sum() == 3
 
 
 def test_the_whole_log_has_a_summary(whole, tmp_path):
