@@ -10,7 +10,7 @@ import synthetic_flight as synthetic
 from evo.tools import file_interface
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from flightapp.evaluation.flight import Inertial, Poses, Stages
@@ -116,6 +116,14 @@ def test_a_bag_opens_with_mcap_and_its_paths_come_back(flight, bag):
             assert np.allclose(paths[name].orientation, motion.orientation, atol=1e-15)
         assert np.array_equal(paths["/tf:world.body"].position, flight.states.position)
     assert read_path(f"{bag}:/tf:world.body").stamp.size == flight.states.stamp.size
+
+
+def test_evo_reads_the_bag(flight, bag):
+    with Reader(bag) as reader:
+        theirs = file_interface.read_bag_trajectory(reader, "/flightapp/state")
+    assert np.allclose(theirs.timestamps, flight.states.stamp, atol=1e-9)
+    assert np.array_equal(theirs.positions_xyz, flight.states.position)
+    assert theirs.meta["frame_id"] == "world"
 
 
 def test_a_bag_of_somebody_elses_making_is_read(tmp_path):
