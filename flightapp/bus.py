@@ -37,6 +37,8 @@ class Bus:
         self.command: Topic[RateCommand] = Topic("command")
         self.phase: Topic[Phase] = Topic("phase")
         self.stage: Topic[StageTime] = Topic("stage")
+        self.behaviors: Topic[tuple[str, ...]] = Topic("behaviors")
+        """The names of those at work."""
         self.load: Topic[ProcessLoad] = Topic("load")
         self.event: Topic[Event] = Topic("event")
         self.fault: Topic[Fault] = Topic("fault")

@@ -7,18 +7,20 @@ from contextlib import contextmanager
 
 import numpy as np
 from rich.console import Console
+from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.status import Status
 from rich.table import Table
 
 from flightapp.app import Watch
 from flightapp.bus import Bus
+from flightapp.dashboard import Dashboard
 from flightapp.interfaces import Rig
 from flightapp.messages import Event
 from flightapp.mission.rehearsal import Rehearsed
 
-REFRESH = 0.1
-"""s on the wall between updates."""
+REFRESH, REDRAW = 0.1, 0.25
+"""s on the wall between updates of the line, and of the dashboard."""
 
 
 class _Screen:
@@ -85,6 +87,50 @@ def progress(console: Console) -> Iterator[Watch]:
             yield screen.watch
         finally:
             screen.close()
+
+
+@contextmanager
+def dashboard(console: Console) -> Iterator[Watch]:
+    """The flight at a glance, drawn anew a few times a second; events as plain lines where there is no terminal."""
+    if not console.is_terminal:
+        with progress(console) as watch:
+            yield watch
+        return
+    with Live(console=console, auto_refresh=False) as live:
+        screen = _Glance(live)
+        try:
+            yield screen.watch
+        finally:
+            screen.close()
+
+
+class _Glance:
+    """Draws a `Dashboard` in a thread of its own, for the same reason as `_Screen`."""
+
+    def __init__(self, live: Live) -> None:
+        self._live = live
+        self._dashboard: Dashboard | None = None
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="dashboard", daemon=True)
+        self._thread.start()
+
+    def watch(self, bus: Bus, rig: Rig) -> None:
+        """Follow the flight."""
+        self._dashboard = Dashboard(bus, rig)
+
+    def close(self) -> None:
+        """Draw how it ended."""
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(REDRAW):
+            self._draw()
+        self._draw()
+
+    def _draw(self) -> None:
+        if self._dashboard is not None:
+            self._live.update(self._dashboard.draw(), refresh=True)
 
 
 @contextmanager

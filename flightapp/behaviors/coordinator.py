@@ -179,6 +179,7 @@ class Coordinator:
                 return
             activation = Activation(behavior)
             self._active.append(activation)
+            self._publish_active()
         activation.users += 1
         try:
             yield activation
@@ -193,6 +194,10 @@ class Coordinator:
             self._tell(activation.behavior, result)
         finally:
             self._active.remove(activation)
+            self._publish_active()
+
+    def _publish_active(self) -> None:
+        self._context.bus.behaviors.publish(tuple(behavior.name for behavior in self.active))
 
     def suspend(self, why: str) -> bool:
         """Have the behavior that moves the vehicle stop along its line and wait; False where none does.

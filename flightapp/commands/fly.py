@@ -34,6 +34,9 @@ def fly(
     live_at: Annotated[
         str | None, typer.Option("--live-at", metavar="HOST:PORT", help="the same at another address")
     ] = None,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="the flight at a glance instead of a line and events")
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="list what the mission would do if all went well, without flying")
     ] = False,
@@ -56,7 +59,7 @@ def fly(
     plan = app.FlightPlan(mission, directory, rig, vehicle, tuple(settings), seed, realtime or rig != "sim", shown)
     if shown:
         console.print(f"live view: ws://{shown}, layout config/foxglove_layout.json", highlight=False, soft_wrap=True)
-    with display.progress(console) as watch:
+    with (display.dashboard if dashboard else display.progress)(console) as watch:
         flown = app.fly(plan, watch)
     summary = results.finish(flown)
     console.print(*terminal_tables(summary), sep="\n")

@@ -61,9 +61,10 @@ def _draw_behaviors(figure: go.Figure, subject: Subject) -> None:
     start, (first, _) = subject.window.start, subject.span
     bars, begin = [], first
     for event in subject.flight.events:
-        if event.kind == "behavior":
-            name, _, rest = event.text.partition(":")
-            colour = TRUTH if rest.strip().startswith(Outcome.GOAL_ACHIEVED.value) else FAILED
+        name, _, rest = event.text.partition(": ")
+        outcome = rest.partition(":")[0]
+        if event.kind == "behavior" and outcome in set(Outcome):
+            colour = TRUTH if outcome == Outcome.GOAL_ACHIEVED else FAILED
             bars.append((begin, event.stamp - start, name, event.text, colour))
             begin = event.stamp - start
     _draw_bars(figure, "behaviors", bars)
@@ -120,7 +121,8 @@ def _draw_faults(figure: go.Figure, subject: Subject) -> None:
 
 def _draw_notices(figure: go.Figure, subject: Subject) -> None:
     start = subject.window.start
-    told = [event for event in subject.flight.events if event.kind not in ("phase", "behavior", "fault")]
+    shown = ("phase", "fault")
+    told = [event for event in subject.flight.events if event.kind not in shown and "GOAL_ACHIEVED" not in event.text]
     marks = [(event.stamp - start, f"{event.kind}: {event.text}") for event in told]
     _draw_marks(figure, "notices", marks or [(None, "")], {"symbol": "circle", "size": 7, "color": "#64748b"})
 
