@@ -98,7 +98,10 @@ def scene_bounds(subjects: Sequence[Subject]) -> Bounds:
     points = [np.zeros((1, 3))]
     for subject in subjects:
         points.append(subject.motion.position)
-        points += [np.array([gate.position for gate in gates]) for gates in gate_sets(subject).values()]
+        border = subject.track.gate.border if subject.track else 0.0
+        reach = np.array((-1.0, 1.0))[:, None, None] * (0.5 * subject.opening + border)
+        for gates in gate_sets(subject).values():
+            points += list(np.array([gate.position for gate in gates]) + reach)
         for obstacle in subject.track.obstacles if subject.track else ():
             mesh = solid(obstacle)
             points.append(np.column_stack((mesh.x, mesh.y, mesh.z)))
@@ -109,7 +112,7 @@ def scene_bounds(subjects: Sequence[Subject]) -> Bounds:
         points = points[1:]
     every = np.concatenate(points)
     low, high = every.min(axis=0) - PAD, every.max(axis=0) + PAD
-    low[2], high[2] = min(0.0, low[2] + PAD), high[2] - 0.5 * PAD
+    low[2], high[2] = min(0.0, low[2] + PAD), high[2] - 0.5 * PAD  # so that flat scenes stay large
     return Bounds(low, high)
 
 

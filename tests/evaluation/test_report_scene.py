@@ -89,8 +89,8 @@ def test_everything_that_moves_and_stands_is_inside_the_scene(subject):
         for trace in figure.data:
             values = np.asarray(getattr(trace, axis), float)
             if trace.visible != "legendonly" and np.isfinite(values).any():
-                assert low - 0.5 <= np.nanmin(values), trace.name
-                assert np.nanmax(values) <= high + 0.5, trace.name
+                assert low <= np.nanmin(values), trace.name
+                assert np.nanmax(values) <= high, trace.name
 
 
 def test_ellipsoids_have_the_size_that_the_covariance_says():
