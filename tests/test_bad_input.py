@@ -111,6 +111,11 @@ CASES = {
     ),
     "no rig": ({"m.py": MISSION, "track.toml": FIVE_GATES}, ("fly", "m.py"), ["--sim"]),
     "a log that is none": ({"flight.mcap": "hello"}, ("report", "flight.mcap"), ["flight.mcap"]),
+    "a live view at no address": (
+        {"m.py": MISSION, "track.toml": FIVE_GATES},
+        ("fly", "m.py", "--sim", "--live-at", "here"),
+        ["here", "HOST:PORT"],
+    ),
     "a log that is not there": ({}, ("report", "runs/none"), ["runs/none"]),
 }
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import synthetic_flight as synthetic
 from PIL import Image
+from typer.testing import CliRunner
 
 from flightapp import results
+from flightapp.cli import cli
 from flightapp.evaluation.figures import Subject
 from flightapp.evaluation.metrics import racing_window
 from flightapp.evaluation.overlay import COLOURS, comparison_figures, comparison_html
@@ -16,6 +18,8 @@ from flightapp.evaluation.report import flight_figures
 from flightapp.evaluation.space import path_in_space
 from flightapp.evaluation.summary import flight_track
 from flightapp.inputs import BadInputError
+from flightapp.messages import Event
+from flightapp.recording.writer import FlightLog
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +44,19 @@ def test_the_page_compares_them_over_the_same_time(flights):
     for name in flights:
         assert f"<td>{name}</td>" in html
     assert html.count("Plotly.newPlot(") >= 4
+
+
+def test_a_log_that_cannot_be_read_spoils_no_other(tmp_path):
+    for name in ("empty", "good"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "empty" / "flight.mcap").write_bytes(b"")
+    log = FlightLog(tmp_path / "good" / "flight.mcap", header={"outcome": "TIME_OUT"})
+    log.write("event", Event(1.0, "phase", "flying: at last"))
+    log.close()
+    result = CliRunner().invoke(cli, ["report", str(tmp_path / "empty"), str(tmp_path / "good")])
+    assert isinstance(result.exception, BadInputError)
+    assert "the file is empty" in str(result.exception)
+    assert "TIME_OUT" in (tmp_path / "good" / "report.html").read_text(encoding="utf-8")
 
 
 def test_comparing_needs_two_runs(tmp_path):

@@ -4,6 +4,7 @@ import dataclasses
 import io
 import re
 
+import numpy as np
 import pytest
 import synthetic_flight as synthetic
 from rich.console import Console
@@ -66,6 +67,14 @@ def test_a_flight_with_little_in_it_has_a_report(flight_of):
     html = report_html(flight, summarise(flight))
     assert 'id="figure-estimation"' not in html
     assert "the log was cut off" in html
+
+
+def test_a_long_flight_has_no_larger_report(flight, html):
+    states, factor = flight.states, 60
+    rows = {f.name: np.repeat(getattr(states, f.name), factor, axis=0) for f in dataclasses.fields(states)}
+    rows["stamp"] = np.linspace(0.0, 14.0 * factor, states.stamp.size * factor)
+    long = dataclasses.replace(flight, states=dataclasses.replace(states, **rows))
+    assert len(report_html(long, summarise(long))) < len(html) + 500_000 < 10_000_000
 
 
 def test_terminal_shows_the_paper_beside_ours(flight):
