@@ -4,17 +4,18 @@ import math
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import cv2
-import joblib
 import numpy as np
 from rich.table import Table
 
 from flightapp import app
 from flightapp.bus import Bus
+from flightapp.campaign.pool import Lost, work
 from flightapp.config import Config
 from flightapp.evaluation.fault_matrix import CLEARING, Cell, Seen, Stages, Statement, departure, due
 from flightapp.evaluation.forced import is_forced, turned_over
@@ -108,11 +109,22 @@ class FaultOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class _Outcome:
+class Job:
+    """One flight with one fault."""
+
     kind: FaultKind
     stage: Stage
     seed: int
+    stages: Stages
+    """When those of the same flight without faults begin and end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of it."""
+
     departure: str
+    """Of what the table states; empty for none."""
     crash: str
     forced: bool = False
 
@@ -129,16 +141,19 @@ def run_faults(options: FaultOptions, workers: int, advance: Callable[[bool], No
     wanted = cells_of(options.only)
     cells = {(kind, stage): Cell(kind, stage, reaction_to(kind, stage)) for kind, stage in wanted}
     seeds = range(options.first_seed, options.first_seed + options.runs)
-    parallel = joblib.Parallel(n_jobs=workers, return_as="generator")
-    references = list(parallel(joblib.delayed(fly_without)(plan, seed) for seed in seeds))
-    jobs = (
-        joblib.delayed(fly_with_fault)(plan, kind, stage, seed, stages)
-        for seed, stages in zip(seeds, references, strict=True)
-        for kind, stage in wanted
-    )
-    for outcome in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
-        cells[outcome.kind, outcome.stage].add(outcome.seed, outcome.departure, outcome.crash, outcome.forced)
-        advance(not outcome.departure and not outcome.crash)
+    references: dict[int, Stages] = {}
+    for number, stages in work(partial(fly_without, plan), seeds, workers):
+        if isinstance(stages, Lost):
+            raise BadInputError(
+                f"{plan.mission}: seed {seeds[number]} does not fly without faults either: {stages.why}"
+            )
+        references[seeds[number]] = stages
+    jobs = [Job(kind, stage, seed, references[seed]) for seed in seeds for kind, stage in wanted]
+    for number, outcome in work(partial(fly_with_fault, plan), jobs, workers):
+        job = jobs[number]
+        done = Outcome(outcome.why, "") if isinstance(outcome, Lost) else outcome
+        cells[job.kind, job.stage].add(job.seed, done.departure, done.crash, done.forced)
+        advance(not done.departure and not done.crash)
     return list(cells.values())
 
 
@@ -163,8 +178,9 @@ def _fly(plan: app.FlightPlan) -> tuple[Seen, app.Flown]:
     return observer.seen(), flown
 
 
-def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: int, stages: Stages) -> _Outcome:
-    """One flight with one fault at a random moment of ``stage``, which begins and ends as ``stages`` say."""
+def fly_with_fault(plan: app.FlightPlan, job: Job) -> Outcome:
+    """One flight with one fault at a random moment of its stage."""
+    kind, stage, seed, stages = job.kind, job.stage, job.seed, job.stages
     trial = find("simulators", "faults")[kind][stage]
     random = Random(f"{seed} {kind} {stage}")
     moment = trial.moment(stage, stages, random)
@@ -192,7 +208,7 @@ def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: in
     except BadInputError:
         raise
     except Exception as error:  # a flight that breaks is what this looks for
-        return _Outcome(kind, stage, seed, f"{type(error).__name__}: {error}", "")
+        return Outcome(f"{type(error).__name__}: {error}", "")
     hit = sorted({touch.obstacle for touch in seen.collisions})
     forced = bool(hit) and (trial.forced or _forced(seen, moment, provocation, mission.track, config))
     crash = f"hit {', '.join(hit)}" if hit and not forced else ""
@@ -200,7 +216,7 @@ def fly_with_fault(plan: app.FlightPlan, kind: FaultKind, stage: Stage, seed: in
     # What is broken before it can react is not asked how it reacts.
     unseen = forced and not trial.forced and min(touch.stamp for touch in seen.collisions) < due(said)
     why = "" if unseen else departure(said, seen)
-    return _Outcome(kind, stage, seed, where + why if why else "", where + crash if crash else "", forced)
+    return Outcome(where + why if why else "", where + crash if crash else "", forced)
 
 
 def _forced(seen: Seen, moment: float, provocation: Any, track: Track, config: Config) -> bool:

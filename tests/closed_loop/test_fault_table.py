@@ -43,6 +43,6 @@ def flights():
 @pytest.mark.parametrize(("kind", "stage"), ROWS, ids=lambda value: value.replace(" ", "_"))
 def test_what_happens_is_what_is_stated(flights, kind, stage):
     plan, stages = flights
-    outcome = fault_command.fly_with_fault(plan, kind, stage, SEED, stages)
+    outcome = fault_command.fly_with_fault(plan, fault_command.Job(kind, stage, SEED, stages))
     assert outcome.departure == ""
     assert outcome.crash == ""
