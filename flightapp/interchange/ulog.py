@@ -60,10 +60,10 @@ class _Topic:
 
 def read_ulog(path: Path) -> Flight:
     """The flight in a ULog; raises `BadInputError`."""
-    topics, hover = _topics(path)
+    topics, hover, whole = _topics(path)
     return Flight(
         {"mission": path.stem},
-        True,
+        whole,
         _poses(topics),
         _states(topics),
         _setpoints(topics),
@@ -76,7 +76,7 @@ def read_ulog(path: Path) -> Flight:
 
 def ulog_paths(path: Path) -> dict[str, TimedPath]:
     """Every path in a ULog by PX4's name for it; raises `BadInputError`."""
-    topics, _ = _topics(path)
+    topics, _, _ = _topics(path)
     made: dict[str, Motions | Setpoints] = {
         "vehicle_odometry": _odometry(topics.get("vehicle_odometry")),
         "vehicle_visual_odometry": _odometry(topics.get("vehicle_visual_odometry")),
@@ -88,8 +88,8 @@ def ulog_paths(path: Path) -> dict[str, TimedPath]:
     return {name: found for name, found in paths.items() if found.stamp.size}
 
 
-def _topics(path: Path) -> tuple[dict[str, _Topic], float | None]:
-    """The first instance of each topic, and MPC_THR_HOVER."""
+def _topics(path: Path) -> tuple[dict[str, _Topic], float | None, bool]:
+    """The first instance of each topic, MPC_THR_HOVER, and whether nothing was found damaged."""
     library = load("pyulog", "reading a ULog")
     if not path.is_file():
         raise BadInputError(f"{path}: there is no such ULog")
@@ -101,7 +101,7 @@ def _topics(path: Path) -> tuple[dict[str, _Topic], float | None]:
         raise BadInputError(f"{path}: cannot be read as a ULog: {error or type(error).__name__}") from None
     if not topics:
         raise BadInputError(f"{path}: a ULog without any data")
-    return topics, hover
+    return topics, hover, not log.file_corruption
 
 
 def _topic(data: Mapping[str, Any]) -> _Topic:

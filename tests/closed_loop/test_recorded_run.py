@@ -9,6 +9,9 @@ import pytest
 from flightapp import app, results
 from flightapp.config import Config
 from flightapp.inputs import BadInputError
+from flightapp.interchange.compare import Options, compare
+from flightapp.interchange.export import Format, export
+from flightapp.interchange.sources import read_path
 from flightapp.recording.reader import read_flight
 from flightapp.time_lost import loss_table, time_lost
 
@@ -37,6 +40,18 @@ def test_time_lost_is_told_leg_by_leg(run):
     blind = dataclasses.replace(flight, header={**flight.header, "track": ""})
     with pytest.raises(BadInputError, match="no gates whose places are known"):
         time_lost(blind, summary, "race")
+
+
+def test_a_run_is_exported_and_compared_with_itself(run, tmp_path):
+    """Each format holds the estimate as the log does: the errors against the truth are the same from all of them."""
+    out, _ = run
+    expected = compare(read_path(f"{out}:truth"), read_path(f"{out}:state"), Options())["ape"]["se3"]
+    for form in (Format.CSV, Format.TUM):
+        written = export(out, form, tmp_path / form)
+        paths = [read_path(f"{written / name}.{form}") for name in ("truth", "state")]
+        found = compare(*paths, Options())["ape"]["se3"]
+        for part in ("translation", "rotation"):
+            assert found[part] == pytest.approx(expected[part], rel=1e-6, abs=1e-9), form
 
 
 def racing(flight):

@@ -99,6 +99,7 @@ def test_streams_come_out_in_our_frames(log):
     assert flight.setpoints.yaw[0] == pytest.approx(-YAW)
     assert np.allclose(flight.commands.rates[0], (0.4, -0.5, -0.6))
     assert flight.commands.thrust[0] == pytest.approx(2.0 * GRAVITY)
+    assert flight.complete
     window = racing_window(flight)
     assert (window.start, window.end) == pytest.approx((6.0, 8.0))
 
