@@ -194,8 +194,8 @@ class Conditions:
         return f"{r.speed:.1f} m/s, at most {self._fastest:.1f} m/s are expected" if fast else ""
 
     def tipped(self, r: Readings) -> str:
-        """In the air nothing stays where it is so tilted."""
-        lying = math.degrees(r.tilt) > self._safety.tipped_deg and r.speed < LYING
+        """In the air nothing stays where it is so tilted; with the motors off it is not in the air."""
+        lying = math.degrees(r.tilt) > self._safety.tipped_deg and (r.speed < LYING or not r.armed)
         return f"it lies there, tilted by {math.degrees(r.tilt):.0f}°" if lying else ""
 
     def battery_low(self, r: Readings) -> str:

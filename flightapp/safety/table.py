@@ -107,7 +107,7 @@ TABLE: Mapping[FaultKind, Row] = {
         takeoff=LAND, flying=LAND, landing=CONTINUE, cannot="it stands on the ground: see tipped over", adrift=True,
     ),
     FaultKind.TIPPED_OVER: _row(
-        "Tilted by more than safety.tipped_deg and not moving: it lies on the ground.",
+        "Tilted by more than safety.tipped_deg, and not moving or its motors off: it lies on the ground.",
         "Motors that run then can only do harm.",
         REFUSE, KILL, KILL, KILL, adrift=True,
     ),

@@ -136,3 +136,10 @@ def test_before_the_vehicle_is_armed_an_overload_may_last_longer(stage, patience
     monitor = Monitor(CONFIG, gates=True)
     told = [t for t in np.arange(0.0, 3.0, 0.05) if monitor.look(replace(GOOD, stamp=t, stage=stage, ticks_missed=0.5))]
     assert told == pytest.approx([patience], abs=0.051)
+
+
+@pytest.mark.parametrize(("speed", "armed", "tipped"), [(0.0, True, True), (2.0, True, False), (2.0, False, True)])
+def test_what_is_tilted_and_moves_lies_only_where_its_motors_are_off(speed, armed, tipped):
+    monitor, tilted = Monitor(CONFIG, gates=True), replace(GOOD, tilt=math.radians(75.0), speed=speed, armed=armed)
+    told = {fault.kind for t in np.arange(0.0, 1.0, 0.05) for fault in monitor.look(replace(tilted, stamp=t))}
+    assert (FaultKind.TIPPED_OVER in told) is tipped
