@@ -50,7 +50,7 @@ def paper(
     text = paper_text(flown, times)
     console.print(*map(rich_table, text.tables.values()), sep="\n")
     for line in text.lines:
-        console.print(line, highlight=False, markup=False)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     for path in write_paper(flown, text, directory, called()):
         console.print(f"written: {path}", highlight=False, soft_wrap=True)
     results.write_json(json_file, text.json)

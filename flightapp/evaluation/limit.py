@@ -14,7 +14,7 @@ from flightapp.evaluation.tables import TextTable, number
 
 MISSION = Path("missions/four_gates_unknown.py")
 VEHICLE = Path("config/sim_f330.toml")
-SPEEDS = (1.0, 2.0, 3.0, 4.0)
+SPEEDS = (1.0, 2.0, 4.0)
 """m/s."""
 PLANNERS: Mapping[str, tuple[float, float]] = {
     "ours": (0.06, 0.02),

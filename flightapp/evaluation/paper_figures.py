@@ -17,6 +17,8 @@ SPEEDS = ("#1d4ed8", "#e8871e", "#5a9e4b", "#d1495b", "#a878c8")
 """Of one v_max each, where several share a plot."""
 OPENING = 1.4
 """m, side of a gate's opening."""
+TALL = 620
+"""px, of a figure in three dimensions."""
 ROW = 190
 """px, height of a row of small plots."""
 
@@ -137,7 +139,9 @@ def _world(trace: Trace, title: str) -> go.Figure:
     x, y, z = _rows(trace, "truth").T
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line={"color": FLOWN, "width": 3}, name="flown"))
     axes = {f"{axis}axis": {"title": f"{axis}, m"} for axis in "xyz"}
-    figure.update_layout(scene={**axes, "aspectmode": "data", "camera": {"eye": {"x": -0.9, "y": -1.2, "z": 0.9}}})
+    figure.update_layout(
+        height=TALL, scene={**axes, "aspectmode": "data", "camera": {"eye": {"x": -0.9, "y": -1.2, "z": 0.9}}}
+    )
     return figure
 
 

@@ -66,7 +66,7 @@ def paper_page(
         parts.append(remarks)
     parts.append(TextTable(DIFFERS, ("experiment",), [[f"{e.title}: {e.differs}"] for e in experiments]))
     wide = [name for name in figures if name[4:] in {"a", "b", "c"} or name in {"fig5", "fig7"}]
-    wide += [REMARKS, DIFFERS]
+    wide += [table.title for table in parts]
     good = numbers == better
     heading = Heading(
         "The paper's experiments", f"{better} of {numbers} numbers below the paper's", good, f"{LEGEND} · {command}"

@@ -10,9 +10,11 @@ import numpy as np
 from flightapp.evaluation.experiments import Experiment
 from flightapp.evaluation.paper import AXES, Table
 from flightapp.evaluation.summary import why_failed
+from flightapp.evaluation.tables import number
 
 TRUTH = {"tracking_rmse": "tracking_rmse_truth", "speed_rmse": "speed_rmse_truth", "estimation_rmse": "tracker_rmse"}
 """What stands below our row of a table: the same by ground truth, or of the bare tracker."""
+TRACKER = "the tracker alone"
 Numbers = Mapping[str, float | None]
 
 
@@ -73,7 +75,10 @@ def row_of(
         name = experiment.closer_name
         there = [table.ours(summary) for summary in _sorted(closer)[0]]
         near = {column: _mean([n[column] for n in there]) for column in table.columns} if there else None
-        why += _why_not_better(table, ours, paper, near, name)
+        bare = other if table.metric == "estimation_rmse" else None
+        why += _why_not_better(table, ours, paper, near or bare, name or TRACKER)
+        if experiment.exact and other is not None:
+            why += _why_not_better_by_truth(other, paper, near, name)
     vehicle = experiment.vehicle.stem.removeprefix("sim_")
     return Row(table, v_max, vehicle, len(results), len(good), ours, deviation, other, near, name, paper, tuple(why))
 
@@ -122,6 +127,18 @@ def _why_not_better(
     return told
 
 
+def _why_not_better_by_truth(
+    truth: Numbers, paper: Mapping[str, float], closer: Numbers | None, name: str
+) -> list[str]:
+    """The same for the total by ground truth, which the paper's is where its state was exact."""
+    ratio = _ratio(truth["total"], paper["total"])
+    if ratio is None or ratio < 1.0:
+        return []
+    near = None if closer is None else _ratio(closer["total"], paper["total"])
+    told = f"by truth, as the paper's state was exact, total is {ratio:.2f} ×, the tracker's errors included"
+    return [told + ("" if near is None else f"; {name} it is {near:.2f} ×")]
+
+
 def _reason(column: str, ours: Numbers, paper: Mapping[str, float], closer: Numbers | None, name: str) -> str:
     largest = max(AXES[:3], key=lambda axis: paper.get(axis, 0.0))
     if column == "total" and paper["total"] < paper[largest]:
@@ -131,9 +148,12 @@ def _reason(column: str, ours: Numbers, paper: Mapping[str, float], closer: Numb
             f"the paper's total, {paper['total']:.4f}, is less than its {largest}, {paper[largest]:.4f}; against the"
             f" root of its axes' squares, {root:.4f}, which is what ours is, the ratio is {against:.2f}"
         )
-    if closer is not None and (ratio := _ratio(closer[column], paper[column])) is not None:
+    if closer is None or (ratio := _ratio(closer[column], paper[column])) is None:
+        return "not explained"
+    if name != TRACKER:
         return f"{name} it is {ratio:.2f} ×"
-    return "not explained"
+    totals = f"the total from {number(closer['total'], 3)} to {number(ours['total'], 3)} m"
+    return f"{name} is at {ratio:.2f} × there; fused with sightings of one gate it goes to this, and {totals}"
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
