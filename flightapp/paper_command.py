@@ -14,7 +14,7 @@ from flightapp.evaluation.paper import Table, paper_tables
 from flightapp.evaluation.paper_documents import csv_text, latex_text
 from flightapp.evaluation.paper_page import all_tables, paper_markdown, paper_page
 from flightapp.evaluation.paper_rows import Row, row_json, row_of
-from flightapp.evaluation.paper_tables import remark_lines
+from flightapp.evaluation.paper_tables import profile_remarks, remark_lines
 from flightapp.evaluation.summary import why_failed
 from flightapp.evaluation.tables import TextTable
 from flightapp.results import write_json, write_text
@@ -58,6 +58,8 @@ class PaperText:
 
     tables: Mapping[str, TextTable]
     """By label."""
+    remarks: Sequence[tuple[str, str]]
+    """Where something is not better, or failed, and why."""
     lines: Sequence[str]
     """Why what is not better isn't, and what is not the same."""
     json: dict[str, Any]
@@ -120,7 +122,8 @@ def paper_runs(options: PaperOptions) -> list[Run]:
 def paper_text(flown: PaperFlown, profile: Sequence[Mapping[str, Any]]) -> PaperText:
     """Everything in words and numbers; ``profile`` has rows of `flightapp bench`."""
     tables = all_tables(flown.rows, profile, limit_table(flown.limit) if flown.limit else None)
-    lines = [f"* {where}: {why}" for where, why in remark_lines(flown.rows)]
+    remarks = [*remark_lines(flown.rows), *profile_remarks(profile)]
+    lines = [f"* {where}: {why}" for where, why in remarks]
     lines += [f"{experiment.title}: {experiment.differs}" for experiment in flown.experiments]
     rows: dict[str, Any] = {str(number): [row_json(row) for row in of_it] for number, of_it in flown.rows.items()}
     if profile:
@@ -133,7 +136,7 @@ def paper_text(flown: PaperFlown, profile: Sequence[Mapping[str, Any]]) -> Paper
     }
     if flown.limit:
         told["limit"] = [_limit_json(case, results) for case, results in flown.limit]
-    return PaperText(tables, lines, told)
+    return PaperText(tables, remarks, lines, told)
 
 
 def _limit_json(case: LimitCase, results: Sequence[Result]) -> dict[str, Any]:
@@ -155,8 +158,8 @@ def write_paper(flown: PaperFlown, text: PaperText, directory: Path, command: st
     files = {
         "paper.csv": csv_text(rows),
         "paper.tex": latex_text(text.tables),
-        "paper.md": paper_markdown(flown.rows, text.tables, flown.experiments, command),
-        "paper.html": paper_page(flown.rows, flown.traces, text.tables, flown.experiments, command),
+        "paper.md": paper_markdown(flown.rows, text.tables, flown.experiments, text.remarks, command),
+        "paper.html": paper_page(flown.rows, flown.traces, text.tables, flown.experiments, text.remarks, command),
     }
     write_json(directory / "paper.json", text.json)
     for name, contents in files.items():

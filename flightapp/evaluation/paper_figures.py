@@ -140,7 +140,7 @@ def _world(trace: Trace, title: str) -> go.Figure:
     figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="lines", line={"color": FLOWN, "width": 3}, name="flown"))
     axes = {f"{axis}axis": {"title": f"{axis}, m"} for axis in "xyz"}
     figure.update_layout(
-        height=TALL, scene={**axes, "aspectmode": "data", "camera": {"eye": {"x": -0.9, "y": -1.2, "z": 0.9}}}
+        height=TALL, scene={**axes, "aspectmode": "data", "camera": {"eye": {"x": -1.2, "y": -1.6, "z": 1.1}}}
     )
     return figure
 

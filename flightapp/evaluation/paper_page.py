@@ -8,7 +8,7 @@ from flightapp.evaluation.page import Heading, page_html
 from flightapp.evaluation.paper_documents import markdown_table, tables_by_label
 from flightapp.evaluation.paper_figures import paper_figures
 from flightapp.evaluation.paper_rows import Row
-from flightapp.evaluation.paper_tables import profile_table, remark_lines
+from flightapp.evaluation.paper_tables import profile_table
 from flightapp.evaluation.tables import TextTable
 
 REMARKS = "Ratios that are not below 1 (*), and flights that failed"
@@ -19,6 +19,8 @@ LEGEND = (
 )
 
 Rows = Mapping[int, Sequence[Row]]
+Remarks = Sequence[tuple[str, str]]
+"""Where, and why."""
 
 
 def all_tables(rows: Rows, profile: Sequence[Mapping[str, Any]], limit: TextTable | None) -> dict[str, TextTable]:
@@ -29,11 +31,6 @@ def all_tables(rows: Rows, profile: Sequence[Mapping[str, Any]], limit: TextTabl
     if limit is not None:
         tables["table:limit"] = limit
     return tables
-
-
-def remarks_table(rows: Rows) -> TextTable:
-    """Why what isn't better is not."""
-    return TextTable(REMARKS, ("where, and why",), [[f"{where}: {why}"] for where, why in remark_lines(rows)])
 
 
 def counted(rows: Rows) -> tuple[int, int]:
@@ -48,6 +45,7 @@ def paper_page(
     traces: Mapping[tuple[str, float], Mapping[str, Any]],
     tables: Mapping[str, TextTable],
     experiments: Sequence[Experiment],
+    remarks: Remarks,
     command: str,
 ) -> str:
     """The page; ``command`` made it."""
@@ -62,8 +60,8 @@ def paper_page(
     )
     figures = paper_figures(traces)
     parts = list(tables.values())
-    if (remarks := remarks_table(rows)).rows:
-        parts.append(remarks)
+    if remarks:
+        parts.append(TextTable(REMARKS, ("where, and why",), [[f"{where}: {why}"] for where, why in remarks]))
     parts.append(TextTable(DIFFERS, ("experiment",), [[f"{e.title}: {e.differs}"] for e in experiments]))
     wide = [name for name in figures if name[4:] in {"a", "b", "c"} or name in {"fig5", "fig7"}]
     wide += [table.title for table in parts]
@@ -74,7 +72,9 @@ def paper_page(
     return page_html(heading, facts, figures, parts, wide)
 
 
-def paper_markdown(rows: Rows, tables: Mapping[str, TextTable], experiments: Sequence[Experiment], command: str) -> str:
+def paper_markdown(
+    rows: Rows, tables: Mapping[str, TextTable], experiments: Sequence[Experiment], remarks: Remarks, command: str
+) -> str:
     """The same without figures."""
     numbers, better = counted(rows)
     lines = ["# The paper's experiments, flown in simulation", ""]
@@ -82,6 +82,6 @@ def paper_markdown(rows: Rows, tables: Mapping[str, TextTable], experiments: Seq
     lines += [f"Of {numbers} RMSEs and elapsed times that the paper gives, {better} are less here.", ""]
     lines += ["## What is not the same", "", *(f"- **{e.title}**: {e.differs}" for e in experiments), ""]
     lines += ["## Tables", "", *(markdown_table(table) for table in tables.values())]
-    if remarks := remark_lines(rows):
+    if remarks:
         lines += [f"## {REMARKS}", "", *(f"- {where}: {why}" for where, why in remarks), ""]
     return "\n".join(lines)

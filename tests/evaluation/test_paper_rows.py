@@ -15,7 +15,7 @@ from flightapp.evaluation.paper import AXES, paper_tables
 from flightapp.evaluation.paper_documents import csv_text, latex_escaped, latex_table, latex_text, markdown_table
 from flightapp.evaluation.paper_page import counted, paper_markdown
 from flightapp.evaluation.paper_rows import row_json, row_of
-from flightapp.evaluation.paper_tables import paper_table_text, profile_table, remark_lines
+from flightapp.evaluation.paper_tables import paper_table_text, profile_remarks, profile_table, remark_lines
 from flightapp.evaluation.tables import TextTable
 from flightapp.inputs import BadInputError
 
@@ -142,14 +142,21 @@ def test_markdown():
     row = row_of(TABLES[1], LEMNISCATE, 3.0, [result()])
     text = markdown_table(paper_table_text([row]))
     assert len({line.count(" |") for line in text.splitlines()[2:]}) == 1
-    page = paper_markdown({1: [row]}, {"table:1": paper_table_text([row])}, [LEMNISCATE], "flightapp paper")
+    page = paper_markdown(
+        {1: [row]}, {"table:1": paper_table_text([row])}, [LEMNISCATE], remark_lines({1: [row]}), "flightapp paper"
+    )
     assert LEMNISCATE.differs in page
     assert "- table 1, v_max 3: z 1.60 × the paper's: not explained" in page
 
 
 def test_profiles():
     measured = [{"name": "plan_6", "p50": 1e-4}, {"name": "race_plan", "p50": 1e-2}]
-    assert profile_table(measured).rows == [["trajectory, 6 points", "100 µs", "13.7 ms", "51.5 ms", "0.00729"]]
+    assert profile_table(measured).rows == [["trajectory, 6 points", "100 µs", "13.7 ms", "51.5 ms", "0.0073"]]
+    assert profile_remarks(measured) == []
+    slow = [{"name": "controller", "p50": 2.0 * 62.3e-9}, {"name": "plan_6", "p50": 1.0}]
+    where = ["table 14, controller, one command", "table 14, trajectory, 6 points"]
+    assert [place for place, _ in profile_remarks(slow)] == where
+    assert profile_table(slow).rows[0][-1] == "2.0000*"
 
 
 def test_every_table_of_the_paper_has_an_experiment_that_flies_its_rows():
