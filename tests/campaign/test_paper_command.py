@@ -78,7 +78,9 @@ def test_only_what_is_asked_for_is_flown(tmp_path, seeds):
 def test_on_the_jetson_the_limit_is_flown_too(tmp_path, seeds):
     printed = call("--out", str(tmp_path), "--seeds", "1", "--only", "table13", "--compute", "jetson")
     told = json.loads((tmp_path / "paper.json").read_text())
-    assert len(seeds) == 7 + 12
+    assert len(seeds) == 7 + 18
     assert {case["v_max"] for case in told["limit"]} == {1.0, 2.0, 4.0}
-    assert "compute.plan=1.028" in told["limit"][-1]["settings"]
+    times = {case["planner"]: case["settings"] for case in told["limit"]}
+    assert "compute.plan=1.028" in times["the paper's, 26 points"]
+    assert "control.controller=paper" in times["the paper's modules, our times"]
     assert "Four unknown gates" in printed
