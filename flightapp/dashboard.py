@@ -1,15 +1,14 @@
 """The flight at a glance on a terminal: what it does, how well, and what is wrong."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
-from rich.columns import Columns
-from rich.console import Group, RenderableType
-from rich.panel import Panel
-from rich.table import Table
-from rich.text import Text
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.segment import Segment
+from rich.style import Style
 
 from flightapp.bus import Bus
 from flightapp.interfaces import Rig
@@ -22,6 +21,8 @@ PERIOD = 1.0
 """s of the flight over which rates are taken."""
 FRESH = 0.1
 """s, a setpoint older than this is not being flown."""
+NAME, WIDE = 16, 90
+"""Columns of a name, and of a terminal from where on two values stand side by side."""
 LOW_BATTERY, OFF_LINE = 0.3, 0.5
 """Charge left and m off the line beyond which a value stands out."""
 
@@ -70,18 +71,17 @@ class Dashboard:
         bus.fault.tap(self._take_fault)
         bus.plan.tap(self._take_plan)
 
-    def draw(self) -> RenderableType:
+    def draw(self) -> "Sheet":
         """The dashboard as it stands."""
         bus = self._bus
         state = bus.state.latest
         stamp = state.stamp if state is not None else 0.0
         for rate, topic in ((self._sender, bus.command), (self._images, bus.frame), (self._poses, bus.pose)):
             rate.take(stamp, topic.count)
-        halves = Columns([_table(self._flight(state)), _table(self._health(stamp))], padding=(0, 6))
         title = f"{bus.phase.latest or 'starting'} · {max(stamp - (self._began or 0.0), 0.0):.1f} s"
+        faults = [Line("", f"✗ {fault}", "bold red") for fault in tuple(self._faults.values())]
         events = [self._event_line(event) for event in tuple(self._events)]
-        faults = [Text(f"✗ {fault}", style="bold red", overflow="ellipsis", no_wrap=True) for fault in self._present()]
-        return Panel(Group(halves, Text(), *faults, *events), title=title, border_style="red" if faults else "cyan")
+        return Sheet(title, self._flight(state), self._health(stamp), [*faults, *events], bool(faults))
 
     def _flight(self, state: VehicleState | None) -> Sequence[Line]:
         bus = self._bus
@@ -128,13 +128,9 @@ class Dashboard:
         counts = f"{self._plans[True]} flown, {self._plans[False]} refused"
         return f"{counts}, last {1e3 * last.elapsed:.1f} ms", "" if last.accepted else "yellow"
 
-    def _event_line(self, event: Event) -> Text:
+    def _event_line(self, event: Event) -> Line:
         style = "red" if event.kind == "fault" else "dim" if event.kind in ("autopilot", "guard") else ""
-        text = f"{event.stamp - (self._began or 0.0):8.2f} s  {event.text}"
-        return Text(text, style=style, overflow="ellipsis", no_wrap=True)
-
-    def _present(self) -> Sequence[Fault]:
-        return list(self._faults.values())
+        return Line("", f"{event.stamp - (self._began or 0.0):8.2f} s  {event.text}", style)
 
     def _take_event(self, event: Event) -> None:
         if self._began is None:
@@ -155,10 +151,43 @@ def _hertz(rate: Rate) -> str:
     return "-" if rate.value is None else f"{rate.value:.0f} Hz"
 
 
-def _table(lines: Sequence[Line]) -> Table:
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(no_wrap=True)
-    for line in lines:
-        table.add_row(line.name, Text(line.value, style=line.style))
-    return table
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """What a `Dashboard` shows at one moment.
+
+    It makes its lines itself: tables and panels of rich take ten times as long, in which the sender would have to
+    wait for the interpreter.
+    """
+
+    title: str
+    left: Sequence[Line]
+    right: Sequence[Line]
+    below: Sequence[Line]
+    alarm: bool
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """The lines, none wider than the console."""
+        width = options.max_width
+        rule = Style.parse("red" if self.alarm else "cyan")
+        yield Segment(f"── {self.title} {'─' * width}"[:width], rule)
+        yield Segment.line()
+        if width >= WIDE:
+            for left, right in zip_longest(self.left, self.right, fillvalue=Line("", "")):
+                yield from _cells(left, width // 2)
+                yield from _cells(right, width - width // 2)
+                yield Segment.line()
+        else:
+            for line in (*self.left, *self.right):
+                yield from _cells(line, width)
+                yield Segment.line()
+        for line in (Line("", ""), *self.below):
+            yield Segment(line.value[:width], Style.parse(line.style))
+            yield Segment.line()
+        yield Segment("─" * width, rule)
+        yield Segment.line()
+
+
+def _cells(line: Line, width: int) -> Iterator[Segment]:
+    """Name and value of ``line``, together ``width`` wide."""
+    yield Segment(f" {line.name:<{NAME - 1}}"[:width], Style.parse("dim"))
+    yield Segment(f"{line.value:<{max(width - NAME, 0)}}"[: max(width - NAME, 0)], Style.parse(line.style))
