@@ -40,6 +40,11 @@ class Latency:
 
 def latencies(flight: Flight, window: Window) -> dict[str, Latency]:
     """Each stage of `STAGES` that the log tells of, inside ``window``."""
+    return {stage: _latency(times) for stage, times in passages(flight, window).items() if times.size}
+
+
+def passages(flight: Flight, window: Window) -> dict[str, Vector]:
+    """Times (n,) in s of all passages through each stage of `STAGES`, inside ``window``."""
     stages = flight.stages
     inside = window.holds(stages.stamp)
     seen = inside & (stages.stage == Stage.DETECTION)
@@ -56,7 +61,7 @@ def latencies(flight: Flight, window: Window) -> dict[str, Latency]:
         "camera to command": told - heeded,
         "pose to command": (stages.stamp - stages.captured)[sent],
     }
-    return {stage: _latency(found[stage]) for stage in STAGES if found[stage].size}
+    return {stage: found[stage] for stage in STAGES}
 
 
 def _heeded(flight: Flight, seen: Vector, sent: Vector) -> tuple[Vector, Vector, Vector]:

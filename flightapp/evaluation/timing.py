@@ -7,6 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from flightapp.evaluation.figures import ESTIMATE, EVENT_COLOURS, Subject, blank
+from flightapp.evaluation.latency import passages
 from flightapp.evaluation.metrics import Window
 from flightapp.frames import Vector
 
@@ -15,28 +16,34 @@ HEIGHT = 300
 """px."""
 
 
+TITLES = {
+    "intervals": "Time between commands",
+    "arrivals": "Time between commands that arrived",
+    "plan": "Time to plan",
+    "detection": "Time to detect",
+    "camera to command": "From an image to the command that heeds it",
+    "pose to command": "From a pose to its command",
+}
+
+
 def timing_figures(subject: Subject) -> Mapping[str, go.Figure]:
     """A histogram of each time that the flight has data for, by name, in the order of the report."""
-    titles = {
-        "intervals": "Time between commands",
-        "arrivals": "Time between commands that arrived",
-        "frames": "Time between detections",
-        "plans": "Time to plan",
-    }
     samples = timing_samples(subject)
-    return {name: histogram(titles[name], values) for name, values in samples.items() if values.size}
+    return {
+        name.replace(" ", "-"): histogram(title, samples[name]) for name, title in TITLES.items() if samples[name].size
+    }
 
 
 def timing_samples(subject: Subject) -> Mapping[str, Vector]:
-    """Times (n,) in ms inside the window, by name."""
+    """Times (n,) in ms inside the window, by name as in `TITLES`."""
     flight, window = subject.flight, subject.window
     arrivals = np.concatenate([batch.stamps for batch in flight.arrivals]) if flight.arrivals else np.zeros(0)
-    plans = [plan.elapsed for plan in flight.plans if window.start <= plan.stamp <= window.end]
+    stages = {name: 1e3 * times for name, times in passages(flight, window).items()}
     return {
+        **stages,
+        "plan": np.array([1e3 * p.elapsed for p in flight.plans if window.start <= p.stamp <= window.end]),
         "intervals": _between(flight.commands.stamp, window),
         "arrivals": _between(arrivals, window),
-        "frames": _between(np.array([seen.stamp for seen in flight.sightings]), window),
-        "plans": 1e3 * np.array(plans),
     }
 
 

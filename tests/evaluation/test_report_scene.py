@@ -1,5 +1,6 @@
 """What the report shows in space and over time: where things are drawn, and that nothing lies upon another."""
 
+import dataclasses
 import json
 import re
 from itertools import pairwise
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from flightapp.config import Config, dump_config
 from flightapp.evaluation.figures import Subject
+from flightapp.evaluation.flight import Stages
 from flightapp.evaluation.metrics import Window, racing_window
 from flightapp.evaluation.report import report_html
 from flightapp.evaluation.scene import ellipsoids
@@ -19,8 +21,9 @@ from flightapp.evaluation.series import APART, lay_out_over_time, series_figures
 from flightapp.evaluation.space import fence_of, moving, path_in_space, scene_bounds
 from flightapp.evaluation.summary import flight_track, summarise
 from flightapp.evaluation.timeline import timeline_figure
+from flightapp.evaluation.timing import timing_figures
 from flightapp.frames import quat_to_matrix
-from flightapp.messages import Event, GateEstimate
+from flightapp.messages import Event, GateEstimate, Stage
 
 
 def subject_of(flight, **sections):
@@ -142,3 +145,15 @@ def test_what_happened_is_on_the_time_axis(subject):
         assert expected in shown
     speed = series_figures(subject)["speed"]
     assert tuple(figure.layout.xaxis.range) == tuple(speed.layout.xaxis.range)
+
+
+def test_times_are_shown_as_histograms_of_all_that_were_recorded(subject):
+    flight = subject.flight
+    stamp = np.linspace(3.0, 11.0, 81)
+    stages = Stages(stamp, np.full(81, Stage.DETECTION, np.uint32), stamp - 0.03, stamp - 0.012)
+    timed = Subject(dataclasses.replace(flight, stages=stages), subject.window, subject.track)
+    figures = timing_figures(timed)
+    assert list(figures) == ["intervals", "plan", "detection"]
+    detection = figures["detection"].data[0]
+    assert sum(detection.y) == 81
+    assert detection.x[int(np.argmax(detection.y))] == pytest.approx(12.0, abs=0.1)
