@@ -57,7 +57,7 @@ def _moment(before: float, after: float, ramp: float, done: float) -> float:
             low = t
         else:
             high = t
-        moved = t + miss / rate
+        moved = t + miss / rate if rate > 0.0 else low  # it vanishes before rest by rounding, too
         if abs(moved - t) < 1e-15 * max(ramp, 1.0):
             break
         t = moved if low < moved < high else 0.5 * (low + high)
