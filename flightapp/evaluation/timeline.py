@@ -50,7 +50,7 @@ def _draw_phases(figure: go.Figure, subject: Subject) -> None:
     events = [event for event in subject.flight.events if event.kind == "phase"]
     ends = [*(event.stamp - start for event in events[1:]), last]
     bars = []
-    for k, (event, end) in enumerate(zip(events, ends, strict=True)):
+    for k, (event, end) in enumerate(zip(events, ends, strict=False)):
         name = event.text.partition(":")[0]
         colour = FAILED if name == "aborted" else PHASE_COLOURS[k % 2]
         bars.append((event.stamp - start, end, name, event.text, colour))

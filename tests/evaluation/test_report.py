@@ -13,6 +13,7 @@ from flightapp.evaluation.flight import Flight
 from flightapp.evaluation.report import report_html, write_report
 from flightapp.evaluation.summary import summarise
 from flightapp.evaluation.tables import flight_tables, terminal_tables
+from flightapp.messages import Event
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,11 @@ def test_success_and_failure_look_different(html, flight):
     assert 'class="outcome good"' in report_html(clean, summarise(clean))
 
 
-@pytest.mark.parametrize("flight_of", [Flight, lambda: synthetic.flight(truth=False)])
+def ended_before_it_began():
+    return dataclasses.replace(synthetic.flight(truth=False), events=(Event(0.1, "poses", "415 taken"),))
+
+
+@pytest.mark.parametrize("flight_of", [Flight, ended_before_it_began, lambda: synthetic.flight(truth=False)])
 def test_a_flight_with_little_in_it_has_a_report(flight_of):
     flight = dataclasses.replace(flight_of(), complete=False)
     html = report_html(flight, summarise(flight))
