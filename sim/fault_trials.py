@@ -145,6 +145,7 @@ PATIENT = ("safety.tracking_error=5.0", "safety.speed_margin=10.0")
 
 TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
     Kind.STATE_UNTRUSTED: _each(_one("pose_slipping", 3.0, blind=DOUBTING), 0.7),
+    Kind.POSE_MISSING: _each(_for_a_while("pose_silent", 0.45), 0.35),
     Kind.POSE_LOST: _each(_one("pose_silent", LASTING, blind=BLIND), 1.0),
     Kind.CAMERA_LOST: _later(
         _each(_one("camera_silent", LASTING), 1.2),

@@ -14,6 +14,7 @@ LEAST = 1.0
 class Safety(Section):
     """When a fault is one; what is done then stands in docs/faults.md."""
 
+    pose_timeout: Finite = Field(0.25, gt=0.01, le=5.0, description="s without a pose before it stops and waits")
     state_timeout: Finite = Field(0.25, gt=0.01, le=5.0, description="s without a state before landing")
     tracking_error: Finite = Field(2.0, gt=0.1, le=20.0, description="m off the line before landing")
     doubt_time: Finite = Field(0.1, ge=0.0, le=5.0, description="s of doubt before the state is not trusted any more")

@@ -13,8 +13,10 @@ from flightapp.planning.pacer import TOLERATED
 from flightapp.planning.pacing import Pace, paced
 from flightapp.trajectory import Trajectory
 
-RAMPS = (0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 6.0)
+RAMPS = (0.6, 0.75, 0.9, 1.15, 1.4, 1.7, 2.0, 2.5, 3.0, 4.5, 6.0)
 """s, durations of the braking that are tried, the shortest first."""
+TURNING = 0.9
+"""Of the greatest body rate that braking may take, which is more than plans do: it ends soon, and all depends on it."""
 FURTHER = 0.05
 """s of the line's own time between places to stop at that are looked at."""
 
@@ -29,7 +31,7 @@ class Brakes:
         planning, vehicle = config.planning, config.vehicle
         self._most = planning.thrust_share * vehicle.thrust_max
         self._least = config.guard.thrust_min
-        self._turning = planning.rate_share * vehicle.rate_max
+        self._turning = TURNING * vehicle.rate_max
 
     def brake(self, flown: Trajectory, stamp: float, limits: Limits, free: Free | None = None) -> Trajectory | None:
         """``flown`` from ``stamp`` on, brought to rest along its own path as soon as the limits allow.

@@ -10,6 +10,7 @@ class FaultKind(StrEnum):
     """Everything that can go wrong."""
 
     STATE_UNTRUSTED = "state untrusted"
+    POSE_MISSING = "pose missing"
     POSE_LOST = "pose lost"
     CAMERA_LOST = "camera lost"
     GATE_NOT_FOUND = "gate not found"

@@ -32,6 +32,8 @@ class Readings:
     state_age: float = math.nan
     """s; NaN before the first state."""
     doubt: str = ""
+    pose_age: float = math.nan
+    """s since the last pose of the tracker; NaN before the first."""
     position: Vector | None = None
     """(3,) m, world."""
     speed: float = 0.0
@@ -129,6 +131,7 @@ def conditions(config: Config, gates: bool) -> tuple[Condition, ...]:
     own = Conditions(config)
     kinds = (
         Condition(FaultKind.STATE_UNTRUSTED, own.doubt, config.safety.doubt_time),
+        Condition(FaultKind.POSE_MISSING, own.gap, clear=1.0),
         Condition(FaultKind.POSE_LOST, own.pose),
         Condition(FaultKind.PLANNER_FAILING, own.planner),
         Condition(FaultKind.OFF_THE_LINE, own.line),
@@ -159,6 +162,11 @@ class Conditions:
     def doubt(self, r: Readings) -> str:
         """See `FaultKind.STATE_UNTRUSTED`, and so on."""
         return r.doubt
+
+    def gap(self, r: Readings) -> str:
+        """Whatever bridges it."""
+        missing = r.pose_age > self._safety.pose_timeout
+        return f"no pose for {r.pose_age:.2f} s" if missing else ""
 
     def pose(self, r: Readings) -> str:
         """Where commands are wanted the guard looks at the state's age."""

@@ -60,6 +60,13 @@ TABLE: Mapping[FaultKind, Row] = {
         " landing are its own already. Poses that are doubted are kept from it.",
         REFUSE, LAND, LAND, CONTINUE, adrift=True,
     ),
+    FaultKind.POSE_MISSING: _row(
+        "No pose for safety.pose_timeout; the inertial sensors stand in for estimation.coast. It is over when poses"
+        " have come for a second.",
+        "Where none come back there is no state, soon, and the autopilot lands by what it has: the slower, the less"
+        " room it takes. A takeoff and a landing are its own.",
+        CONTINUE, CONTINUE, HOLD, CONTINUE,
+    ),
     FaultKind.POSE_LOST: _row(
         "There is no state newer than safety.state_timeout; poses that are missing are bridged for estimation.coast"
         " before that. In flight the guard first holds the attitude for guard.hold.",

@@ -54,8 +54,7 @@ class Watch:
     def readings(self, stamp: float) -> Readings:
         """Everything at ``stamp``, which is now."""
         bus, state, status = self._bus, self._bus.state.latest, self._autopilot.status.latest
-        phase = bus.phase.latest
-        image = bus.frame.latest
+        phase, pose, image = bus.phase.latest, bus.pose.latest, bus.frame.latest
         commanded = self._line.latest is not None
         return Readings(
             stamp,
@@ -63,6 +62,7 @@ class Watch:
             commanded=commanded,
             state_age=math.nan if state is None else stamp - state.stamp,
             doubt="" if state is None else state.doubt,
+            pose_age=math.nan if pose is None else stamp - pose.stamp,
             position=None if state is None else state.position,
             speed=0.0 if state is None else math.hypot(*state.velocity.tolist()),
             tilt=0.0 if state is None else _tilt(state),

@@ -43,9 +43,9 @@ NOT_FOUND = "was not found within 6 s"
 ROWS = {
     "nothing": Row("[]", FLIES_ON),
     "the tracker silent for 0.2 s": Row("[[8.0, 'pose_silent', 0.2]]", FLIES_ON),
-    "the tracker silent for 0.5 s": Row("[[8.0, 'pose_silent', 0.5]]", FLIES_ON),
+    "the tracker silent for 0.5 s": Row("[[8.0, 'pose_silent', 0.5]]", FLIES_ON, "pose missing is over"),
     "the tracker silent for 2 s": Row("[[8.0, 'pose_silent', 2.0]]", HANDS_OVER, TOO_OLD),
-    "a pose frozen for 0.5 s": Row("[[8.0, 'pose_frozen', 0.5]]", FLIES_ON),
+    "a pose frozen for 0.5 s": Row("[[8.0, 'pose_frozen', 0.5]]", FLIES_ON, "pose missing is over"),
     "a pose frozen for 2 s": Row("[[8.0, 'pose_frozen', 2.0]]", HANDS_OVER, TOO_OLD),
     "a jump of 2 m": Row("[[8.0, 'pose_jump', 2.0]]", FLIES_ON),
     "a relocalisation": Row("[[8.0, 'pose_relocalised', '2:20']]", FLIES_ON),

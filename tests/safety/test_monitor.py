@@ -28,6 +28,7 @@ GOOD = Readings(
     Stage.FLYING,
     commanded=True,
     state_age=0.01,
+    pose_age=0.01,
     position=np.array((0.0, 0.0, 1.0)),
     armed=True,
     mode=FlightMode.OFFBOARD,
@@ -37,6 +38,7 @@ GOOD = Readings(
 )
 WRONG = {
     FaultKind.STATE_UNTRUSTED: {"doubt": "contradiction"},
+    FaultKind.POSE_MISSING: {"pose_age": 0.3},
     FaultKind.POSE_LOST: {"commanded": False, "state_age": 0.3},
     FaultKind.CAMERA_LOST: {"image_age": 1.1},
     FaultKind.PLANNER_FAILING: {"at_rest": True, "plans_refused": 5},
@@ -89,7 +91,7 @@ def test_each_fault_is_told_once_and_alone_and_then_that_it_is_over(kind):
     [
         {"charge": math.nan},
         {"status_age": math.nan},
-        {"state_age": math.nan, "position": None, "commanded": False},
+        {"state_age": math.nan, "pose_age": math.nan, "position": None, "commanded": False},
         {"plans_refused": 50},
         {"tilt": math.radians(80.0), "speed": 3.0},
         {"position": np.array((5.4, 0.0, 1.0))},
