@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from neighbours import installed
 
 from flightapp.recording.reader import read_flight
 
@@ -26,11 +27,7 @@ async def mission(drone):
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):
     """The environment of a process that finds the neighbour installed."""
-    place = tmp_path_factory.mktemp("site")
-    pip = [sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check"]
-    wanted = ["--no-index", "--no-deps", "--no-build-isolation", "--target", str(place), str(HERE / "neighbour")]
-    subprocess.run([*pip, *wanted], check=True, timeout=120)
-    return {**os.environ, "PYTHONPATH": str(place), "COLUMNS": "500"}
+    return installed(HERE / "neighbour", tmp_path_factory.mktemp("site"))
 
 
 def flightapp(environment, *words):

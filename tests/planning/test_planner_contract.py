@@ -60,7 +60,7 @@ def is_smooth(trajectory: Trajectory, request: PlanRequest):
         ends = [c[i] @ (factor * t ** np.maximum(powers - d, 0)) for i, t in enumerate(spans)]
         starts = c[:, :, d] * math.factorial(d)
         scale = max(1.0, np.abs(starts).max())
-        np.testing.assert_allclose(ends[:-1], starts[1:], atol=1e-6 * scale)
+        np.testing.assert_allclose(np.array(ends)[:-1], starts[1:], atol=1e-6 * scale)
         wanted = (request.start.position, request.start.velocity, request.start.acceleration)[d]
         np.testing.assert_allclose(starts[0], wanted, atol=1e-9)
         np.testing.assert_allclose(ends[-1], request.end if d == 0 else np.zeros(3), atol=1e-6 * scale)
