@@ -4,7 +4,6 @@ Flights of our own missions are flown by other tests: here one is, and stands fo
 with --dry-run.
 """
 
-import glob
 import importlib.util
 import re
 import shutil
@@ -121,8 +120,14 @@ def test_commands_can_be_typed(page, flown, monkeypatch, capsys):
                 type_in(words[1:], monkeypatch, capsys)
 
 
+def globbed(word):
+    """What a shell makes of ``word`` in the working directory."""
+    found = sorted(map(str, Path().glob(word))) if "*" in word else []
+    return found or [word]
+
+
 def type_in(words, monkeypatch, capsys):
-    typed = [found for word in words for found in (sorted(glob.glob(word)) or [word])]
+    typed = [found for word in words for found in globbed(word)]
     if words[0] == "fly":
         typed.append("--dry-run")
         if "--out" in words:
@@ -196,7 +201,12 @@ def test_the_tutorial_s_planner_is_built_planned_with_flown_and_compared(tmp_pat
         lines = [line.replace(old, new) for line in lines]
     done = subprocess.run(
         [sys.executable, "run.py", *lines],
-        **{"cwd": tmp_path, "env": environment, "capture_output": True, "text": True, "timeout": 300, "check": False},
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "runs" / "mine" / "report.html").exists()

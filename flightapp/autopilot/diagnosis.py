@@ -138,10 +138,10 @@ def diagnosis_tables(diagnosis: Diagnosis) -> Iterator[Table | Text]:
 
 def _group_table(title: str, lines: Sequence[Line]) -> Table:
     table = Table(title=title, title_justify="left", box=box.SIMPLE)
-    for column in ("", "found", "wanted", "mend"):
+    for column in ("", "", "found", "wanted", "mend"):
         table.add_column(column, overflow="fold")
     for line in lines:
-        cells = (Text(cell) for cell in (line.name, line.found, line.wanted, line.mend))
+        cells = (Text(cell) for cell in (str(line.light), line.name, line.found, line.wanted, line.mend))
         table.add_row(*cells, style=_STYLE[line.light])
     return table
 

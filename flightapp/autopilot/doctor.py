@@ -6,7 +6,6 @@ Nothing is written but by `mend`, which the caller has had confirmed.
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Protocol
 
 from flightapp.autopilot import examination
@@ -113,21 +112,21 @@ Confirm = Callable[[Sequence[Change]], bool]
 
 
 def visit(
-    open_link: Callable[[Config], DoctorLink], config: Config, profile: Profile, confirm: Confirm | None, runs: Path
+    open_link: Callable[[Config], DoctorLink], config: Config, profile: Profile, confirm: Confirm | None
 ) -> Diagnosis:
     """Examine the vehicle on ``config``'s link and, with ``confirm``, mend its parameters; on an event loop of its own.
 
-    ``runs`` is where flights are recorded. Raises `BadInputError` where the connection can't be opened.
+    Raises `BadInputError` where the connection can't be opened.
     """
-    return asyncio.run(_visit(open_link, config, profile, confirm, runs))
+    return asyncio.run(_visit(open_link, config, profile, confirm))
 
 
 async def _visit(
-    open_link: Callable[[Config], DoctorLink], config: Config, profile: Profile, confirm: Confirm | None, runs: Path
+    open_link: Callable[[Config], DoctorLink], config: Config, profile: Profile, confirm: Confirm | None
 ) -> Diagnosis:
     link = open_link(config)
     try:
-        diagnosis = await examine(link, config, profile, runs, LISTEN)
+        diagnosis = await examine(link, config, profile, LISTEN)
         todo = changes(diagnosis)
         # The question holds the loop up: nothing is in flight, and an interrupt must end it.
         if confirm is None or not todo or not confirm(todo):
@@ -142,18 +141,16 @@ async def _visit(
 
 
 async def examine(
-    link: DoctorLink, config: Config, profile: Profile = Profile.CAGE, runs: Path = Path("runs"), listen: float = LISTEN
+    link: DoctorLink, config: Config, profile: Profile = Profile.CAGE, listen: float = LISTEN
 ) -> Diagnosis:
-    """Connect and look at everything; the link stays open.
+    """Connect and look at everything that the link tells; it stays open.
 
     Listens to telemetry for ``listen`` s. A vehicle that isn't there, or goes silent, is a finding and not an error.
     """
-    here = (*examination.computer(config, runs), *examination.consistency(config))
     try:
         await link.connect()
     except AutopilotError as error:
-        lines = examination.unconnected(config, str(error))
-        return Diagnosis(str(profile), (lines, *here), ())
+        return Diagnosis(str(profile), (examination.unconnected(config, str(error)),), ())
     loop = asyncio.get_running_loop()
     heard_long_enough = loop.time() + listen
     findings = await read_all(link, wanted_parameters(config, profile))
@@ -164,7 +161,7 @@ async def examine(
         examination.round_trip(link.round_trip),
         *examination.status(link.status.latest, loop.time(), config),
     )
-    return Diagnosis(str(profile), (*vehicle, *here), findings)
+    return Diagnosis(str(profile), vehicle, findings)
 
 
 async def read_all(link: DoctorLink, wanted: Sequence[Parameter]) -> tuple[Finding, ...]:

@@ -1,22 +1,18 @@
-"""What a doctor looks at besides parameters: the vehicle's own word, its telemetry, this computer, the settings."""
+"""What a doctor looks at besides parameters: the vehicle's own word, its telemetry, and what is set here."""
 
 import math
-import os
 import re
-import shutil
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 from flightapp.autopilot.clock import RoundTrip
 from flightapp.autopilot.connection import parse_connection
 from flightapp.autopilot.diagnosis import Light, Line
 from flightapp.autopilot.telemetry import Identity
-from flightapp.config import Config, Realtime
+from flightapp.config import Config
 from flightapp.inputs import BadInputError
 from flightapp.messages import AutopilotStatus
-from flightapp.realtime import RealtimeSession
 
-VEHICLE, TELEMETRY, COMPUTER, CONFIGURATION = "vehicle", "telemetry", "this computer", "configuration"
+VEHICLE, TELEMETRY, CONFIGURATION = "vehicle", "telemetry", "configuration"
 KNOWN_VERSIONS = ((1, 16), (1, 17))
 """Releases between which all that the application relies on was measured."""
 RATE_SHARE = 0.8
@@ -26,8 +22,6 @@ SLOW_TRIP = 0.02
 LOW_BATTERY = 0.3
 VISION_RATES = (30.0, 50.0)
 """Hz at which EKF2 takes external vision well."""
-SPACE = (2e8, 2e9)
-"""Bytes free for logs: below the first none should begin, below the second there is little room."""
 HEADER = 12
 SETPOINT = 39 + HEADER
 POSES = {"odometry": 233 + HEADER, "odometry_frd": 233 + HEADER, "position": 117 + HEADER}
@@ -146,39 +140,6 @@ def _battery(told: AutopilotStatus) -> Line:
     if told.battery < LOW_BATTERY:
         return Line(VEHICLE, "battery", Light.AMBER, found, wanted, "charge it")
     return Line(VEHICLE, "battery", Light.GREEN, found, wanted)
-
-
-def computer(config: Config, runs: Path) -> tuple[Line, ...]:
-    """What the operating system grants a flight, and the disk that ``runs`` is on."""
-    return (*_realtime(config.realtime), _disk(runs))
-
-
-def _realtime(config: Realtime) -> Iterator[Line]:
-    """What a flight would ask for is asked for, and given back at once."""
-    name = "real time"
-    with RealtimeSession(config) as session:
-        steps = session.report.steps
-    for step in steps:
-        if step.granted:
-            yield Line(COMPUTER, name, Light.GREEN, f"{step.what} ({step.detail})", "granted")
-        else:
-            yield Line(COMPUTER, name, Light.AMBER, f"not permitted: {step.what}", "granted", step.detail)
-    for asked, key in ((config.priority > 0, "realtime.priority"), (config.lock_memory, "realtime.lock_memory")):
-        if not asked:
-            mend = f"set {key}: without it commands come late under load"
-            yield Line(COMPUTER, name, Light.AMBER, f"{key} is off", "granted", mend)
-
-
-def _disk(runs: Path) -> Line:
-    name, wanted = f"disk of {runs}", f"{SPACE[1] / 1e9:g} GB free"
-    place = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
-    free = shutil.disk_usage(place).free
-    found = f"{free / 1e9:.1f} GB free"
-    if not os.access(place, os.W_OK):
-        return Line(COMPUTER, name, Light.RED, f"{found}, not writable", wanted, f"chown {place} to the user who flies")
-    if free >= SPACE[1]:
-        return Line(COMPUTER, name, Light.GREEN, found, wanted)
-    return Line(COMPUTER, name, Light.RED if free < SPACE[0] else Light.AMBER, found, wanted, "move old runs away")
 
 
 def consistency(config: Config) -> tuple[Line, ...]:

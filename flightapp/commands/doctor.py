@@ -9,12 +9,13 @@ from rich.console import Console
 
 from flightapp import results
 from flightapp.autopilot.diagnosis import Light, diagnosis_json, diagnosis_tables
-from flightapp.autopilot.doctor import Change, Confirm, visit
+from flightapp.autopilot.doctor import Change, Confirm
 from flightapp.autopilot.link import Px4Link
 from flightapp.autopilot.params_file import write_params
 from flightapp.autopilot.wanted_parameters import Profile, wanted_parameters
 from flightapp.commands.options import JsonFile, Overrides, Vehicle
 from flightapp.config import load_config
+from flightapp.doctor_command import Part, examine
 from flightapp.inputs import BadInputError
 
 console = Console()
@@ -26,6 +27,9 @@ def doctor(
     ] = None,
     vehicle: Vehicle = None,
     overrides: Overrides = None,
+    only: Annotated[
+        list[Part] | None, typer.Option("--only", help="examine only this; may be given several times")
+    ] = None,
     profile: Annotated[
         Profile, typer.Option(help="cage: no remote control, no ground station; pilot: a safety pilot's is on")
     ] = Profile.CAGE,
@@ -34,9 +38,10 @@ def doctor(
     params: Annotated[
         Path | None, typer.Option("--params", help="only write the wanted parameters here, for QGroundControl")
     ] = None,
+    runs: Annotated[Path, typer.Option(help="where flights are recorded")] = Path("runs"),
     json_file: JsonFile = None,
 ) -> None:
-    """Examine the vehicle before it flies; exit status 0 only if nothing is red."""
+    """Examine vehicle, sensors and computer before a flight; exit status 0 only if nothing is red."""
     settings = [*(overrides or ()), *([f"link.connection={connect}"] if connect is not None else [])]
     config = load_config(vehicle, None, settings)
     if params is not None:
@@ -44,8 +49,11 @@ def doctor(
         return
     if yes and not fix:
         raise BadInputError("--yes answers what --fix asks; give both, or neither to examine only")
+    parts = set(only or Part)
+    if fix and Part.VEHICLE not in parts:
+        raise BadInputError("--fix mends the vehicle's parameters; examine it with --only vehicle, or everything")
     confirm = _confirm(yes) if fix else None
-    diagnosis = visit(Px4Link, config, profile, confirm, Path("runs"))
+    diagnosis = examine(config, parts, Px4Link, profile, confirm, runs)
     console.print(*diagnosis_tables(diagnosis), sep="\n")
     results.write_json(json_file, diagnosis_json(diagnosis))
     raise typer.Exit(1 if diagnosis.light is Light.RED else 0)
