@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Callable, Collection
-from contextlib import suppress
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -88,10 +87,4 @@ async def _camera(source: FrameSource, config: Config, seconds: float) -> list[L
     if isinstance(source, Blind):
         mend = "with waypoints alone it flies without; gates take one"
         return [Line(camera.CAMERA, "frames", Light.AMBER, "no camera", f"{config.camera.rate:g} Hz", mend)]
-    try:
-        return list(camera.lines(await camera.watch(source, seconds), config, source.model))
-    finally:
-        close = getattr(source, "close", None)
-        if close is not None:
-            with suppress(OSError):
-                close()
+    return list(camera.lines(await camera.watch(source, seconds), config, source.model))
