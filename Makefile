@@ -9,7 +9,7 @@ PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --no-input
 
 help:
 	@echo "make race      fly the five gates in simulation; the run goes to runs/"
-	@echo "make test      lint, types and all tests"
+	@echo "make test      lint, types, all tests, and the documentation"
 	@echo "make coverage  lines that the tests run, those on the wall clock left out"
 	@echo "make lint      ruff and mypy only"
 	@echo "make docs      the documentation as a site in build/docs; a broken link fails it"
@@ -24,6 +24,7 @@ race: $(READY)
 test: lint
 	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock"
 	@$(VENV)/bin/python -m pytest -m wall_clock
+	@$(MAKE) --no-print-directory docs
 
 coverage: $(READY)
 	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock" \

@@ -147,15 +147,17 @@ def type_in(words, monkeypatch, capsys):
 
 
 def test_the_bring_up_s_files_are_valid(tmp_path):
-    files = {block.file or "my.toml": block.text for block in blocks("docs/bringup.md") if block.language == "toml"}
+    files = {b.file or "my.toml": b.text for b in blocks("docs/bringup.md") if b.language in ("toml", "python")}
     (tmp_path / "my.toml").write_text(files["my.toml"], encoding="utf-8")
     config = load_config(tmp_path / "my.toml")
     assert config.link.connection.startswith("serial")
-    mission = tmp_path / "hover.toml"
-    mission.write_text(files["hover.toml"].replace("tracks/", f"{ROOT / 'missions' / 'tracks'}/"), encoding="utf-8")
-    steps, result = app.dry_run(app.FlightPlan(mission, tmp_path / "run", vehicle=tmp_path / "my.toml"))
-    assert result.achieved
-    assert [step.name for step in steps] == ["takeoff", "hover", "land"]
+    (tmp_path / "tracks").symlink_to(ROOT / "missions" / "tracks")
+    for name, expected in (("hover.toml", ["takeoff", "hover", "land"]), ("missions/turns.py", [])):
+        mission = tmp_path / Path(name).name
+        mission.write_text(files[name], encoding="utf-8")
+        steps, result = app.dry_run(app.FlightPlan(mission, tmp_path / "run", vehicle=tmp_path / "my.toml"))
+        assert result.achieved
+        assert [step.name for step in steps] == expected
 
 
 SHORTER = {

@@ -4,6 +4,7 @@
 """
 
 import asyncio
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from flightapp.autopilot.diagnosis import Light, Line
 from flightapp.config import Config
-from flightapp.frames import Vector
+from flightapp.frames import Vector, quat_yaw, wrap_angle
 from flightapp.interfaces import PoseSource
 
 POSES = "poses"
@@ -39,6 +40,8 @@ class Heard:
     """(n, 3) m."""
     velocities: Vector
     """(n, 3) m/s."""
+    turned: float
+    """rad to the left, from the first to the last."""
     confidence: int
     """The least of them, 0 to 3."""
     told: str
@@ -59,8 +62,9 @@ async def watch(source: PoseSource, seconds: float) -> Heard:
     stamps = np.array([sample.stamp for sample in samples])
     positions = np.array([sample.position for sample in samples]).reshape(-1, 3)
     velocities = np.array([sample.velocity for sample in samples]).reshape(-1, 3)
+    turned = wrap_angle(quat_yaw(samples[-1].orientation) - quat_yaw(samples[0].orientation)) if samples else 0.0
     confidence = min((sample.confidence for sample in samples), default=0)
-    return Heard(seconds, stamps, np.array(ages), positions, velocities, confidence, source.report())
+    return Heard(seconds, stamps, np.array(ages), positions, velocities, turned, confidence, source.report())
 
 
 def lines(heard: Heard, config: Config) -> Iterator[Line]:
@@ -115,9 +119,12 @@ def _rest(heard: Heard, config: Config) -> Iterator[Line]:
     """Noise of a vehicle that stands: what is left of the samples beside a straight line."""
     name, estimation = "noise at rest", config.estimation
     speed = float(np.linalg.norm(heard.velocities.mean(axis=0)))
-    way = float(np.linalg.norm(heard.positions[-1] - heard.positions[0]))
-    if speed > STILL or way > STILL * heard.seconds:
-        yield Line(POSES, name, AMBER, f"it moves, {speed:.2f} m/s", "standing still", "put it down and ask again")
+    way = heard.positions[-1] - heard.positions[0]
+    if speed > STILL or float(np.linalg.norm(way)) > STILL * heard.seconds:
+        x, y, z = way.tolist()
+        found = f"carried by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} m, turned by {math.degrees(heard.turned):+.0f}°"
+        mend = "put it down and ask again; x is ahead, y to the left, z up, and a turn to the left positive"
+        yield Line(POSES, name, AMBER, found, "standing still", mend)
         return
     t = heard.stamps - heard.stamps.mean()
     slopes = t @ heard.positions / max(float(t @ t), 1e-12)

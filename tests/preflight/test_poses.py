@@ -7,6 +7,7 @@ import pytest
 
 from flightapp.autopilot.diagnosis import Light
 from flightapp.config import Config, load_config
+from flightapp.frames import quat_from_yaw
 from flightapp.messages import PoseSample
 from flightapp.preflight import poses
 
@@ -22,7 +23,7 @@ def heard(rate=200.0, age=0.008, noise=0.0005, speed=0.0, confidence=3, told=GOO
     n = stamps.size
     positions = rng.normal(0.0, noise, (n, 3)) + speed * stamps[:, None] * np.array((1.0, 0.0, 0.0))
     velocities = rng.normal(0.0, 10.0 * noise, (n, 3)) + np.array((speed, 0.0, 0.0))
-    return poses.Heard(3.0, stamps, np.full(n, age), positions, velocities, confidence, told)
+    return poses.Heard(3.0, stamps, np.full(n, age), positions, velocities, 0.5, confidence, told)
 
 
 def found(what, config=None):
@@ -52,7 +53,7 @@ def test_a_slow_drift_is_no_noise():
         (heard(told=f"{GOOD}; refused: jump 3"), "intake", AMBER, "jump 3"),
         (heard(confidence=1), "confidence", AMBER, "1 of 3"),
         (heard(noise=0.02), "noise at rest", AMBER, "mm"),
-        (heard(speed=0.5), "noise at rest", AMBER, "it moves"),
+        (heard(speed=0.5), "noise at rest", AMBER, "carried by x +1.50"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_mend(what, name, light, told):
@@ -68,13 +69,13 @@ def test_where_nothing_comes_it_says_where_it_listens():
 
 
 class FakeTracker:
-    """A tracker that stands still."""
+    """A tracker that stands still, but for a turn to the left, a hundredth of a radian each time."""
 
     async def poses(self):
         loop, zero = asyncio.get_running_loop(), np.zeros(3)
-        while True:
+        for count in range(10_000):
             await asyncio.sleep(0.005)
-            yield PoseSample(loop.time() - 0.004, zero, np.array((1.0, 0.0, 0.0, 0.0)), zero, zero, 3)
+            yield PoseSample(loop.time() - 0.004, zero, quat_from_yaw(0.01 * count), zero, zero, 3)
 
     def report(self):
         return GOOD
@@ -85,4 +86,5 @@ async def test_a_tracker_is_listened_to():
     assert 5 < what.stamps.size <= 60
     assert (what.ages >= 0.004).all()
     assert what.positions.shape == what.velocities.shape == (what.stamps.size, 3)
+    assert what.turned == pytest.approx(0.01 * (what.stamps.size - 1))
     assert (what.confidence, what.told) == (3, GOOD)
