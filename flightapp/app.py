@@ -28,6 +28,7 @@ from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
 from flightapp.mission.loader import MissionFile, load_mission
 from flightapp.mission.machine import MissionMachine
+from flightapp.mission.orders import Orders, signalled
 from flightapp.mission.rehearsal import Rehearsed, rehearse
 from flightapp.mission.supervisor import Ending, Supervisor
 from flightapp.modules import find
@@ -40,7 +41,7 @@ from flightapp.recording.applog import AppLog
 from flightapp.recording.live import served
 from flightapp.recording.recorder import Recorder
 from flightapp.recording.writer import FlightLog
-from flightapp.retuning import Retuner, hangups
+from flightapp.retuning import Retuner
 from flightapp.safety.monitor import Monitor
 from flightapp.safety.watch import Watch as HealthWatch
 from flightapp.timing import KernelTicker, Ticker
@@ -100,8 +101,21 @@ def dry_run(plan: FlightPlan) -> tuple[list[Rehearsed], Result]:
 
 
 def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
-    """Fly ``plan`` to its end and leave flight.mcap, config.toml and app.log in its directory."""
-    mission, config = prepare(plan)
+    """Fly ``plan`` to its end and leave flight.mcap, config.toml and app.log in its directory.
+
+    While it flies SIGINT and SIGTERM have it land, and SIGHUP has it read its files anew.
+    """
+    return fly_prepared(plan, prepare(plan), watch)
+
+
+def fly_prepared(
+    plan: FlightPlan,
+    prepared: tuple[MissionFile, Config],
+    watch: Watch | None = None,
+    orders: Orders | None = None,
+) -> Flown:
+    """Fly what `prepare` made of ``plan``; ``orders`` are somebody else's, and signals then are too."""
+    mission, config = prepared
     rig_class = find("rigs", plan.rig)
 
     async def main(context: foxglove.Context | None) -> Flown:
@@ -122,7 +136,7 @@ def fly(plan: FlightPlan, watch: Watch | None = None) -> Flown:
         try:
             with AppLog(plan.out / "app.log") as app_log, _ticker(config, plan.realtime) as ticker:
                 load = partial(load_config, plan.vehicle, mission.settings, plan.overrides)
-                flight = _wire(mission, config, load, rig, recorder, app_log, ticker, watch, plan.out)
+                flight = _wire(mission, config, load, rig, recorder, app_log, ticker, watch, plan.out, orders)
                 begin, wall = tasks.now(), time.perf_counter()
                 with undisturbed(), session if plan.realtime else nullcontext():
                     ending = await flight.run(session if plan.realtime else None)
@@ -170,9 +184,10 @@ def _wire(
     ticker: Ticker,
     watch: Watch | None,
     out: Path,
+    orders: Orders | None,
 ) -> _Flight:
     """Connect everything."""
-    bus, line, retune = Bus(), Line(), asyncio.Event()
+    bus, line = Bus(), Line()
     _record(recorder, bus, rig, config)
     bus.event.tap(app_log.write)
     rig.autopilot.notices.tap(bus.event.publish)
@@ -186,6 +201,10 @@ def _wire(
         watch(bus, rig)
 
     async def run(session: RealtimeSession | None) -> Ending:
+        with signalled() if orders is None else nullcontext(orders) as given, given:
+            return await follow(session, given)
+
+    async def follow(session: RealtimeSession | None, given: Orders) -> Ending:
         errors = partial(_log_error, recorder, app_log)
         rate = config.control.rate
         watched = HealthWatch(bus, rig.autopilot, line, rig.computer, ticker, rate, out, errors, tasks.now())
@@ -197,15 +216,14 @@ def _wire(
             "planning": tasks.planning(rig, bus, modules, config, line),
             "control": tasks.control(rig, bus, modules, line, ticker),
             "health": tasks.health(bus, watched, Monitor(config, bool(known.passage))),
-            "tuning": tasks.tuning(rig, bus, Retuner(config, modules.controller, load), retune),
+            "tuning": tasks.tuning(rig, bus, Retuner(config, modules.controller, load), given),
         }
         if session is not None:
             work["load"] = tasks.load(bus)
             bus.event.publish(Event(tasks.now(), "realtime", describe(session.report)))
         supervisor = Supervisor(context, coordinator, modules.guard, modules.navigator.caution)
         try:
-            with hangups(retune):
-                return await supervisor.run(work, rig.autopilot, lambda: mission.run(drone))
+            return await supervisor.run(work, rig.autopilot, lambda: mission.run(drone), given)
         finally:
             if track := mapped(known, modules.estimator.places()):
                 write_map(out / "map.toml", track)

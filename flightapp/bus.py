@@ -1,6 +1,7 @@
 """The topics that tasks and behaviors share."""
 
 from flightapp.channel import Topic
+from flightapp.config import Config
 from flightapp.messages import (
     Event,
     Frame,
@@ -39,6 +40,10 @@ class Bus:
         self.stage: Topic[StageTime] = Topic("stage")
         self.behaviors: Topic[tuple[str, ...]] = Topic("behaviors")
         """The names of those at work."""
+        self.tick: Topic[float] = Topic("tick")
+        """Each turn of the sender, whether it had something to send or not."""
+        self.config: Topic[Config] = Topic("config")
+        """What is flown with; another where gains were changed."""
         self.load: Topic[ProcessLoad] = Topic("load")
         self.event: Topic[Event] = Topic("event")
         self.fault: Topic[Fault] = Topic("fault")

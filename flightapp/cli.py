@@ -13,6 +13,11 @@ from flightapp.inputs import BadInputError
 
 COMMANDS = {
     "fly": "fly:fly",
+    "serve": "service:serve",
+    "start": "service:start",
+    "stop": "service:stop",
+    "abort": "service:abort",
+    "status": "service:status",
     "sweep": "sweep:sweep",
     "compare": "compare:compare",
     "paper": "paper:paper",

@@ -29,10 +29,10 @@ def run_directory(mission: Path, seed: int, out: Path | None) -> Path:
     return new_directory(f"{mission.stem}-{seed}")
 
 
-def new_directory(name: str) -> Path:
-    """A directory in runs/ that does not exist yet."""
+def new_directory(name: str, runs: Path = Path("runs")) -> Path:
+    """A directory in ``runs`` that does not exist yet."""
     count = 1
-    while (directory := Path("runs") / f"{name}-{count}").exists():
+    while (directory := runs / f"{name}-{count}").exists():
         count += 1
     return directory
 

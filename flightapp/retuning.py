@@ -4,14 +4,10 @@ Only what a controller alone uses may change. What others were built with, such 
 plans keep to, may not. Plans are still screened with the gains that the flight began with.
 """
 
-import asyncio
-import contextlib
-import signal
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from flightapp.config import Config, Section
+from flightapp.config import Config, Section, with_settings
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Controller, Tunable
 
@@ -55,34 +51,70 @@ def live_changes(before: Config, after: Config) -> tuple[Change, ...]:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class LiveField:
+    """A field that may change in flight."""
+
+    key: str
+    value: object
+    bounds: str
+    """Such as "> 0.1, ≤ 20"; empty where there are none."""
+    description: str
+
+
+def live_fields(config: Config) -> tuple[LiveField, ...]:
+    """All fields that may change in flight, with their values in ``config``, in the order of the sections."""
+    found = []
+    for name in Config.model_fields:
+        section = getattr(config, name)
+        for key, described in type(section).model_fields.items():
+            if _may_change(section, key):
+                text = described.description or ""
+                found.append(LiveField(f"{name}.{key}", getattr(section, key), _bounds(described.metadata), text))
+    return tuple(found)
+
+
+def _bounds(metadata: Sequence[object]) -> str:
+    words = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
+    limits = [
+        f"{sign} {getattr(one, name):g}" for one in metadata for name, sign in words.items() if hasattr(one, name)
+    ]
+    return ", ".join(limits)
+
+
 class Retuner:
-    """Holds the configuration of a flight and its ``controller``; ``load`` reads the configuration anew."""
+    """Holds the configuration of a flight and its ``controller``; ``load`` reads the configuration anew.
+
+    What was set in flight stands over the files until the flight ends, as ``--set`` does: a reload keeps it.
+    """
 
     def __init__(self, config: Config, controller: Controller, load: Callable[[], Config]) -> None:
-        self._config, self._controller, self.load = config, controller, load
+        self._config, self._controller, self._load = config, controller, load
+        self._set: dict[str, str] = {}
 
-    def apply(self, config: Config) -> str:
-        """Go on with ``config``; what has changed, in words. Raises `BadInputError`, and nothing has changed then."""
-        found = live_changes(self._config, config)
-        if not found:
-            return "nothing has changed"
-        if not isinstance(self._controller, Tunable):
-            raise BadInputError(f"the controller '{config.control.controller}' cannot be retuned in flight")
-        self._controller.retune(config)
+    @property
+    def config(self) -> Config:
+        """The one that is flown with."""
+        return self._config
+
+    def propose(self, settings: Mapping[str, str] | None) -> Config:
+        """The configuration with other ``settings`` (value by section.key), or as its files are now (None).
+
+        Changes nothing, and may be called from another thread; raises `BadInputError`.
+        """
+        if settings is None:
+            return with_settings(self._load(), self._set, "tune set")
+        return with_settings(self._config, settings, "tune set")
+
+    def apply(self, config: Config, settings: Mapping[str, str] | None = None) -> str:
+        """Go on with ``config``, proposed for ``settings``; what has changed, in words.
+
+        Raises `BadInputError`, and nothing has changed then.
+        """
+        if found := live_changes(self._config, config):
+            if not isinstance(self._controller, Tunable):
+                raise BadInputError(f"the controller '{config.control.controller}' cannot be retuned in flight")
+            self._controller.retune(config)
         self._config = config
-        return ", ".join(map(str, found))
-
-
-@contextlib.contextmanager
-def hangups(asked: asyncio.Event) -> Iterator[None]:
-    """Have SIGHUP set ``asked``, in the main thread."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    loop, before = asyncio.get_running_loop(), signal.getsignal(signal.SIGHUP)
-    loop.add_signal_handler(signal.SIGHUP, asked.set)
-    try:
-        yield
-    finally:
-        loop.remove_signal_handler(signal.SIGHUP)
-        signal.signal(signal.SIGHUP, before)
+        self._set |= settings or {}
+        return ", ".join(map(str, found)) or "nothing has changed"

@@ -29,6 +29,7 @@ from flightapp.messages import (
     StageTime,
     VehicleState,
 )
+from flightapp.mission.orders import Orders
 from flightapp.perception.gate_pose import GatePoseSolver
 from flightapp.perception.regions import expected_regions
 from flightapp.planning.answer import Answerer
@@ -230,6 +231,7 @@ async def control(rig: Rig, bus: Bus, modules: Modules, line: Line, ticker: Tick
                 bus.fault.publish(Fault(stamp, TRIPPED.get(error.cause, FaultKind.NO_COMMAND), str(error)))
             if report := guard.take_report():
                 bus.event.publish(Event(stamp, "guard", report))
+            bus.tick.publish(stamp)
     finally:
         if report := modules.controller.report:
             bus.event.publish(Event(now(), "control", report))
@@ -267,16 +269,21 @@ def _command(
         return guard.hold(error, now(), status.latest, state)
 
 
-async def tuning(rig: Rig, bus: Bus, retuner: Retuner, asked: asyncio.Event) -> None:
-    """When asked: the configuration, read anew → the controller, if all of it may change in flight."""
+async def tuning(rig: Rig, bus: Bus, retuner: Retuner, orders: Orders) -> None:
+    """When asked: the configuration, read or set anew → the controller, if all of it may change in flight."""
+    bus.config.publish(retuner.config)
     while True:
-        await asked.wait()
-        asked.clear()
+        asked = await orders.retuning()
         try:
-            config = await rig.worker.run("reload", retuner.load)
-            text = f"retuned: {retuner.apply(config)}"
+            config = await rig.worker.run("reload", partial(retuner.propose, asked.settings))
+            text = f"retuned: {retuner.apply(config, asked.settings)}"
+            bus.config.publish(config)
+            asked.answer.set_result(text)
         except BadInputError as error:
             text = f"not retuned: {error}"
+            asked.refuse(text)
+        finally:
+            asked.refuse("the flight is over")
         bus.event.publish(Event(now(), "tuning", text))
 
 

@@ -17,6 +17,7 @@ from flightapp.control.flatness import FlatnessController
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Tunable
 from flightapp.messages import RateCommand, VehicleState
+from flightapp.mission.orders import Orders
 from flightapp.recording.reader import read_flight
 from flightapp.retuning import Retuner, changes, live_changes
 from flightapp.trajectory import hover
@@ -135,16 +136,18 @@ def test_a_controller_that_cannot_is_left_alone():
 
 async def retuned_by(load):
     """What the tuning task tells when it is asked once and ``load`` reads the configuration, and once more."""
-    bus, asked = Bus(), asyncio.Event()
-    worker = ThreadWorker()
-    rig = SimpleNamespace(worker=worker)
-    task = asyncio.ensure_future(tasks.tuning(rig, bus, Retuner(Config(), FlatnessController(Config()), load), asked))
-    texts = []
-    for _ in range(2):
-        asked.set()
-        texts.append((await asyncio.wait_for(bus.event.next(), 5.0)).text)
-    assert not task.done()
-    task.cancel()
+    bus, worker = Bus(), ThreadWorker()
+    rig, texts = SimpleNamespace(worker=worker), []
+    with Orders() as orders:
+        retuner = Retuner(Config(), FlatnessController(Config()), load)
+        task = asyncio.ensure_future(tasks.tuning(rig, bus, retuner, orders))
+        for _ in range(2):
+            answer = orders.retune(None)
+            texts.append((await asyncio.wait_for(bus.event.next(), 5.0)).text)
+            with pytest.raises(BadInputError, match="not retuned"):
+                answer.result(0)
+        assert not task.done()
+        task.cancel()
     worker.close()
     return texts
 

@@ -10,7 +10,7 @@ from flightapp.config.perception import Detection, Estimation, GateMapping, Sens
 from flightapp.config.safety import Geofence, Safety
 from flightapp.config.system import Compute, ExternalVision, Link, Realtime, Recording, Simulation
 from flightapp.config.vehicle import Camera, Vehicle
-from flightapp.config.whole import Config, dump_config, load_config
+from flightapp.config.whole import Config, dump_config, load_config, with_settings
 
 __all__ = [
     "Camera",
@@ -39,4 +39,5 @@ __all__ = [
     "Vehicle",
     "dump_config",
     "load_config",
+    "with_settings",
 ]

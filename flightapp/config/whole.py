@@ -83,7 +83,22 @@ def load_config(
         key, separator, value = text.partition("=")
         if not separator:
             raise BadInputError(f"--set {text}: expected section.key=value")
-        layers.append((f"--set {text}", _nested([(key.strip(), _parse_value(value.strip()))], f"--set {text}")))
+        layers.append(_setting(f"--set {text}", key, value))
+    return _built(layers)
+
+
+def with_settings(config: Config, settings: Mapping[str, str], what: str) -> Config:
+    """``config`` with other ``settings``, each a value as in ``--set`` by its section.key, as ``what`` gives them."""
+    given = [_setting(f"{what} {key}={value}", key, value) for key, value in settings.items()]
+    return _built([("the present configuration", config.model_dump()), *given])
+
+
+def _setting(source: str, key: str, value: str) -> tuple[str, dict[str, Any]]:
+    return source, _nested([(key.strip(), _parse_value(value.strip()))], source)
+
+
+def _built(layers: Sequence[tuple[str, dict[str, Any]]]) -> Config:
+    """What ``layers``, each with its source, make of the defaults; the last counts."""
     data: dict[str, Any] = {}
     origin: dict[Location, str] = {}
     for source, layer in layers:
@@ -137,6 +152,7 @@ def _nested(settings: Iterable[tuple[str, Any]], source: str) -> dict[str, Any]:
 
 def _parse_value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        parsed = tomllib.loads(f"value = {text}")
+    except (tomllib.TOMLDecodeError, RecursionError):
         return text
+    return parsed["value"] if len(parsed) == 1 else text

@@ -1,11 +1,8 @@
 """Runs a mission beside the tasks it needs, and sees that whatever happens ends on the ground."""
 
 import asyncio
-import contextlib
-import signal
-import threading
 import traceback
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +15,7 @@ from flightapp.interfaces import Autopilot
 from flightapp.messages import Event, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
 from flightapp.mission.loader import MissionError
+from flightapp.mission.orders import Orders
 from flightapp.planning.caution import Caution
 from flightapp.safety.faults import Fault, FaultKind, Reaction, Stage
 from flightapp.safety.present import PresentFaults
@@ -34,6 +32,13 @@ class Ending:
 
     outcome: Outcome
     reason: str
+
+
+class ArmedAlreadyError(Exception):
+    """The vehicle was armed before the mission began: somebody else flies it."""
+
+    def __init__(self) -> None:
+        super().__init__("the vehicle is armed, and not by this flight: let it land and disarm, then start again")
 
 
 class Supervisor:
@@ -56,15 +61,17 @@ class Supervisor:
         work: Mapping[str, Coroutine[Any, Any, None]],
         autopilot: Autopilot,
         mission: Callable[[], Awaitable[None]],
+        orders: Orders,
     ) -> Ending:
-        """Start ``work``, connect to the ``autopilot``, fly ``mission``; never raises for what they do."""
+        """Start ``work``, connect to the ``autopilot``, fly ``mission``; never raises for what they do.
+
+        ``orders`` from outside, which must have been entered, may end it before.
+        """
         running = [self._start(name, coroutine) for name, coroutine in work.items()]
-        interrupted: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         try:
-            with _caught_signals(interrupted):
-                ending = await self._mission(autopilot, mission, interrupted)
-                if self._may_fly():
-                    await self._abort(ending.reason)
+            ending = await self._mission(autopilot, mission, orders)
+            if self._may_fly():
+                await self._abort(ending.reason, orders)
             return ending
         finally:
             for task in running:
@@ -134,13 +141,16 @@ class Supervisor:
         if not self._decided.done():
             self._decided.set_result(fault)
 
-    async def _mission(
-        self, autopilot: Autopilot, mission: Callable[[], Awaitable[None]], interrupted: "asyncio.Future[str]"
-    ) -> Ending:
+    async def _mission(self, autopilot: Autopilot, mission: Callable[[], Awaitable[None]], orders: Orders) -> Ending:
         async def fly() -> None:
             await autopilot.connect()
+            if (status := autopilot.status.latest) is not None and status.armed:
+                raise ArmedAlreadyError
             await mission()
 
+        if orders.stopped:
+            return Ending(Outcome.INTERRUPTED, orders.stopped)
+        interrupted = asyncio.create_task(orders.ended(), name="orders")
         flying = asyncio.create_task(fly(), name="mission")
         try:
             waited: set[asyncio.Future[Any]] = {flying, self._decided, interrupted}
@@ -153,17 +163,20 @@ class Supervisor:
         finally:
             # What ends from here on ends on the ground: nothing else is decided any more.
             self._decided.cancel()
+            interrupted.cancel()
             flying.cancel()
             await self._coordinator.close()
             await asyncio.wait((flying,), timeout=LETTING_GO)
 
     # The end in flight.
 
-    async def _abort(self, cause: str) -> None:
+    async def _abort(self, cause: str, orders: Orders) -> None:
         """Have the autopilot land, or leave it to whoever has taken over; end with the flight, not before."""
         context = self._context
         context.machine.go(Phase.ABORTED, context.now(), cause)
-        if context.line.latest is not None and (why := await come_to_rest(context, lambda: self._faults.adrift)):
+        if context.line.latest is not None and (
+            why := await come_to_rest(context, lambda: self._faults.adrift or orders.aborted)
+        ):
             self._event(f"it lands right here: {why}")
         context.line.clear()
         patience = context.config.mission.land_timeout
@@ -198,36 +211,13 @@ class Supervisor:
         self._context.bus.event.publish(Event(self._context.now(), "fault", text))
 
 
-@contextlib.contextmanager
-def _caught_signals(interrupted: "asyncio.Future[str]") -> Iterator[None]:
-    """Have the first SIGINT or SIGTERM resolve ``interrupted``; later ones change nothing: the landing goes on."""
-
-    def caught(number: signal.Signals) -> None:
-        if not interrupted.done():
-            interrupted.set_result(f"interrupted by {number.name}")
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    loop, numbers = asyncio.get_running_loop(), (signal.SIGINT, signal.SIGTERM)
-    before = [signal.getsignal(number) for number in numbers]
-    for number in numbers:
-        loop.add_signal_handler(number, caught, number)
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            loop.remove_signal_handler(number)
-            signal.signal(number, handler)
-
-
 def _ending(flying: "asyncio.Task[None]") -> Ending:
     error = flying.exception()
     if error is None:
         return Ending(Outcome.GOAL_ACHIEVED, "mission complete")
     if isinstance(error, BehaviorFailedError):
         return Ending(error.result.outcome, str(error))
-    if isinstance(error, MissionError):
+    if isinstance(error, MissionError | ArmedAlreadyError):
         return Ending(Outcome.PROCESS_FAILURE, str(error))
     place = traceback.extract_tb(error.__traceback__)[-1]
     text = f"{place.filename}:{place.lineno}: {type(error).__name__}: {error}"

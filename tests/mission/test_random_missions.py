@@ -14,6 +14,7 @@ from light_world import LightWorld
 from flightapp.behaviors.coordinator import Coordinator
 from flightapp.messages import FlightMode, Phase
 from flightapp.mission.drone import BehaviorFailedError, Drone
+from flightapp.mission.orders import signalled
 from flightapp.mission.supervisor import Supervisor
 from flightapp.planning.geofence import Geofence
 
@@ -141,7 +142,8 @@ def test_whatever_happens(mission, happenings):
         work = {f"work {number}": coroutine for number, coroutine in enumerate(world.work())}
         async with asyncio.timeout(LONGEST):
             supervisor = Supervisor(world.context, world.coordinator, world.guard, world.caution)
-            ending = await supervisor.run(work, world.autopilot, lambda: fly(drone))
+            with signalled() as orders, orders:
+                ending = await supervisor.run(work, world.autopilot, lambda: fly(drone), orders)
         for task in outside:
             task.cancel()
         await asyncio.gather(*outside, return_exceptions=True)
