@@ -10,7 +10,7 @@ import pytest
 
 from flightapp import app, tasks
 from flightapp.bus import Bus
-from flightapp.config import Config, load_config
+from flightapp.config import Config, load_config, with_settings
 from flightapp.control import layout as at
 from flightapp.control.baselines import PaperController, PdController
 from flightapp.control.flatness import FlatnessController
@@ -19,7 +19,7 @@ from flightapp.interfaces import Tunable
 from flightapp.messages import RateCommand, VehicleState
 from flightapp.mission.orders import Orders
 from flightapp.recording.reader import read_flight
-from flightapp.retuning import Retuner, changes, live_changes
+from flightapp.retuning import Retuner, changes, live_changes, live_fields
 from flightapp.trajectory import hover
 from flightapp.worker import ThreadWorker
 
@@ -132,6 +132,73 @@ def test_a_controller_that_cannot_is_left_alone():
 
     with pytest.raises(BadInputError, match="cannot be retuned"):
         Retuner(Config(), Fixed(), Config).apply(config(position_bandwidth=6.0))
+
+
+def test_what_may_change_is_listed_with_bounds_and_meaning():
+    fields = {field.key: field for field in live_fields(config(yaw_bandwidth=2.5))}
+    assert set(fields) == {
+        f"control.{key}" for key in type(Config().control).model_fields if key not in ("controller", "rate", "without")
+    }
+    yaw = fields["control.yaw_bandwidth"]
+    assert (yaw.value, yaw.bounds, yaw.description) == (2.5, "> 0.1, ≤ 20", "1/s, heading loop")
+
+
+def retuner_of(tmp_path, text="[control]\nposition_bandwidth = 4.0\n"):
+    file = tmp_path / "vehicle.toml"
+    file.write_text(text)
+    return Retuner(load_config(file), FlatnessController(load_config(file)), lambda: load_config(file)), file
+
+
+def set_live(retuner, **settings):
+    given = {key.replace("__", "."): value for key, value in settings.items()}
+    return retuner.apply(retuner.propose(given), given)
+
+
+def test_several_fields_are_set_at_once_or_none(tmp_path):
+    retuner, _ = retuner_of(tmp_path)
+    told = set_live(retuner, control__position_bandwidth="4.5", control__yaw_bandwidth="2")
+    assert told == "control.position_bandwidth 4.0 → 4.5, control.yaw_bandwidth 3.0 → 2.0"
+    before = retuner.config
+    for key, value, why in [
+        ("control.yaw_bandwith", "2", "did you mean 'yaw_bandwidth'"),
+        ("controll.yaw_bandwidth", "2", "did you mean 'control'"),
+        ("yaw_bandwidth", "2", "expected section.key"),
+        ("control.yaw_bandwidth", "-2", "greater than 0.1"),
+        ("control.yaw_bandwidth", "nan", "finite"),
+        ("control.yaw_bandwidth", "fast", "valid number"),
+        ("control.yaw_bandwidth", "[" * 900, "valid number"),
+        ("control.yaw_bandwidth", "2\nother = 3", "valid number"),
+        ("control.rate", "100", "may not change in flight: control.rate"),
+        ("race.v_max", "1", "may not change in flight: race.v_max"),
+        ("vehicle.mass", "2", "may not change in flight: vehicle.mass"),
+    ]:
+        given = {"control.height_bandwidth": "5", key: value}
+        with pytest.raises(BadInputError, match=why):
+            retuner.apply(retuner.propose(given), given)
+        assert retuner.config is before
+
+
+def test_what_was_set_in_flight_outlasts_a_reload_as_set_on_the_command_line_does(tmp_path):
+    retuner, file = retuner_of(tmp_path)
+    set_live(retuner, control__position_bandwidth="4.5")
+    # The file does not count for what was set, and nothing of the file counts before it is read anew.
+    file.write_text("[control]\nposition_bandwidth = 6.0\nyaw_bandwidth = 2.0\n")
+    assert set_live(retuner, control__height_bandwidth="5") == "control.height_bandwidth 5.5 → 5.0"
+    assert retuner.apply(retuner.propose(None)) == "control.yaw_bandwidth 3.0 → 2.0"
+    control = retuner.config.control
+    assert (control.position_bandwidth, control.height_bandwidth, control.yaw_bandwidth) == (4.5, 5.0, 2.0)
+    # What was refused is forgotten.
+    with pytest.raises(BadInputError):
+        set_live(retuner, control__yaw_bandwidth="1", control__rate="100")
+    assert retuner.apply(retuner.propose(None)) == "nothing has changed"
+
+
+@pytest.mark.parametrize("vehicle", sorted((ROOT / "config").glob("*.toml")), ids=lambda path: path.stem)
+def test_settings_change_nothing_but_themselves(vehicle):
+    before = load_config(vehicle)
+    assert with_settings(before, {}, "here") == before
+    after = with_settings(before, {"control.yaw_bandwidth": "2.25"}, "here")
+    assert [change.key for change in changes(before, after)] == ["control.yaw_bandwidth"]
 
 
 async def retuned_by(load):

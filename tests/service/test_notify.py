@@ -132,13 +132,15 @@ def test_without_a_flight_the_service_itself_is_asked():
         pulse = Pulse(lambda: pings.append(loop.time()), PERIOD, loop.time)
         pulse.fly(RATE)
         pulse.rest()
-        for _ in range(100):
+        for _ in range(110):
             await asyncio.sleep(0.1)
             pulse.beat()
         await asyncio.sleep(10.0)
         return pings
 
-    assert virtually(main()) == pytest.approx([2.5, 5.0, 7.5, 10.0], abs=0.15)
+    pings = virtually(main())
+    assert len(pings) == 4 and max(pings) < 11.0
+    assert all(2.4 < later - sooner < 2.7 for sooner, later in zip([0.0, *pings], pings, strict=False))
 
 
 def test_the_socket_is_not_given_to_children(tmp_path):

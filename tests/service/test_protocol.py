@@ -1,6 +1,7 @@
 """What a client may say."""
 
 import json
+import os
 
 import pytest
 from hypothesis import given, settings
@@ -49,7 +50,7 @@ def test_a_request_survives_the_way(request_):
     assert parse(line) == request_
 
 
-@settings(max_examples=3000)
+@settings(max_examples=400)
 @given(messages)
 def test_whatever_comes_is_a_request_or_refused_in_words(line):
     try:
@@ -89,8 +90,6 @@ def test_files_come_from_where_they_may(tmp_path):
     (place / "link.py").symlink_to(tmp_path / "other.py")
     (place / "round.py").symlink_to(place / "round.py")
     (place / "inner").symlink_to(place / "m.py")
-    import os
-
     os.mkfifo(place / "pipe.py")
     assert allowed_file(str(place / "m.py"), [place], "mission") == place / "m.py"
     assert allowed_file(str(place / "inner"), [place], "mission") == place / "m.py"
@@ -102,10 +101,10 @@ def test_files_come_from_where_they_may(tmp_path):
         "m.py": "absolute",
         str(place / "pipe.py"): "not a regular file",
         str(place): "not a regular file",
-        str(place / "round.py"): "",
-        str(place / ("x" * 3000)): "",
-        str(place / "nul\0.py"): "",
-        str(place / "\ud800.py"): "",
+        str(place / "round.py"): None,
+        str(place / ("x" * 3000)): None,
+        str(place / "nul\0.py"): None,
+        str(place / "\ud800.py"): None,
     }.items():
         with pytest.raises(BadInputError, match=why) as told:
             allowed_file(name, [place], "mission")
