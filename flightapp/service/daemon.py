@@ -82,26 +82,33 @@ class Service:
         self._picture: Picture | None = None
         self._last: dict[str, Any] | None = None
         self._stopping = ""
+        self._up = False
         self._turns = -1
         self._lock = threading.Lock()
 
     def run(self) -> None:
         """Serve until SIGTERM or SIGINT; a flight under way lands first. In the main thread."""
-        server = ControlServer(self._options.socket, self.answer, self._turn)
         handlers = dict.fromkeys(STOPS, self._stop) | {signal.SIGHUP: self._hangup}
         before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
         try:
-            self._notifier.ready(WAITING)
-            self._journal.write(f"listening at {self._options.socket}")
-            while not self._stopping:
-                self._fly(self._next(server))
+            self._serve()
         except SystemExit:
             pass
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
-            server.close()
             self._journal.write(self._stopping or "the service failed")
+
+    def _serve(self) -> None:
+        server = ControlServer(self._options.socket, self.answer, self._turn)
+        try:
+            self._up = True
+            self._notifier.ready(WAITING)
+            self._journal.write(f"listening at {self._options.socket}")
+            while not self._stopping:
+                self._fly(self._next(server))
+        finally:
+            server.close()
 
     # Signals, in the main thread.
 
@@ -112,9 +119,10 @@ class Service:
             return
         self._notifier.stopping()
         job = self._job
-        if job is None or not job.orders.begun:
-            raise SystemExit
-        job.orders.stop(f"interrupted by {signal.Signals(number).name}")
+        if job is not None and job.orders.begun:
+            job.orders.stop(f"interrupted by {signal.Signals(number).name}")
+        elif self._up:
+            raise SystemExit  # out of whatever is being waited for, loaded or compiled
 
     def _hangup(self, *_: object) -> None:
         """Read the files of the flight anew; without one they are read at the next start anyway."""
