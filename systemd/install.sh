@@ -78,11 +78,14 @@ known() {
 }
 
 note_file() {
-    local kept=() line
-    for line in "${noted[@]}"; do
-        [[ $line == "file "*" $2" ]] || kept+=("$line")
+    local i
+    for i in "${!noted[@]}"; do
+        if [[ ${noted[i]} == "file "*" $2" ]]; then
+            noted[i]="file $1 $2"
+            return
+        fi
     done
-    noted=("${kept[@]}" "file $1 $2")
+    noted+=("file $1 $2")
 }
 
 # make_dir PATH: the directory below the root and those above it; what was not there is noted
