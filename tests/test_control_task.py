@@ -21,6 +21,7 @@ from flightapp.evaluation.summary import summarise
 from flightapp.frames import GRAVITY, quat_from_euler
 from flightapp.messages import AutopilotStatus, FlightMode, RateCommand
 from flightapp.planning.line import Line
+from flightapp.service.pulse import Pulse
 from flightapp.timing import KernelTicker, Ticker
 from flightapp.trajectory import hover
 
@@ -122,6 +123,23 @@ def test_commands_go_out_at_the_rate_and_are_published():
     assert flight.bus.command.count == flight.bus.setpoint.count == len(flight.sent)
     assert not flight.faults
     assert [event.text for event in flight.events if event.kind == "control"] == ["all hovered"]
+
+
+def test_its_turns_feed_the_watchdog_until_it_stalls():
+    pings = []
+
+    async def mission(flight):
+        pulse = Pulse(lambda: pings.append(now()), 1.0, now)
+        flight.bus.tick.tap(lambda _: pulse.tick())
+        pulse.fly(CONFIG.control.rate)
+        await asyncio.sleep(2.0)
+        flight.line.clear()  # what is not sent is no stall
+        await asyncio.sleep(1.0)
+        flight.ticker.tick = asyncio.Event().wait
+        await asyncio.sleep(2.0)
+
+    flown(mission)
+    assert len(pings) == pytest.approx(12, abs=1) and max(pings) == pytest.approx(3.0, abs=0.3)
 
 
 def test_without_a_line_nothing_is_sent_and_the_controller_starts_anew():

@@ -33,8 +33,8 @@ LONGEST = 60.0
 """s that an answer may take to be made."""
 TURN = 0.5
 """s between two turns of an idle server."""
-REST = 0.002
-"""s after each step, so that at most a few hundred are taken in a second."""
+REST = 0.005
+"""s after each step, so that at most two hundred are taken in a second."""
 MODE = 0o660
 
 
