@@ -117,6 +117,7 @@ CASES = {
         ["here", "HOST:PORT"],
     ),
     "a log that is not there": ({}, ("report", "runs/none"), ["runs/none"]),
+    "no service": ({"m.py": MISSION}, ("start", "m.py"), ["control.sock", "no service listens", "flightapp serve"]),
 }
 
 LEMNISCATE = str(ROOT / "missions" / "lemniscate.py")

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from rich.console import Console
 
 from flightapp.commands.options import Connect, Mission, Overrides, Vehicle
-from flightapp.inputs import BadInputError
+from flightapp.inputs import BadInputError, validate
 from flightapp.service.client import ask, socket_path
 from flightapp.service.protocol import Abort, Start, Status, Stop
 
@@ -69,7 +69,8 @@ def start(
 ) -> None:
     """Have the service fly a mission; returns when it is about to take off."""
     chosen = None if vehicle is None else str(vehicle.resolve())
-    request = Start(mission=str(mission.resolve()), vehicle=chosen, settings=tuple(overrides or ()), seed=seed)
+    given = {"mission": str(mission.resolve()), "vehicle": chosen, "settings": tuple(overrides or ()), "seed": seed}
+    request = validate(Start, given, "start")
     run = said(request)["run"]
     with console.status(f"{mission.stem}: preparing"):
         ended = _follow(run, wait)

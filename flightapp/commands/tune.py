@@ -9,7 +9,7 @@ from rich.table import Table
 
 from flightapp.commands.options import JsonFile, Overrides
 from flightapp.commands.service import said
-from flightapp.inputs import BadInputError
+from flightapp.inputs import BadInputError, validate
 from flightapp.service.protocol import Reload, Tunables, Tune
 
 console = Console()
@@ -34,7 +34,11 @@ def set_live(
     pairs = [(key, given[0])] if "=" not in key and len(given) == 1 else [_pair(text) for text in (key, *given)]
     if repeated := {one for one, _ in pairs if [other for other, _ in pairs].count(one) > 1}:
         raise BadInputError(f"given more than once: {', '.join(sorted(repeated))}")
-    console.print(said(Tune(settings=dict(pairs)))["text"], highlight=False, markup=False, soft_wrap=True)
+    _tell(validate(Tune, {"settings": dict(pairs)}, "tune set"))
+
+
+def _tell(request: Tune | Reload) -> None:
+    console.print(said(request)["text"], highlight=False, markup=False, soft_wrap=True)
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -47,7 +51,7 @@ def _pair(text: str) -> tuple[str, str]:
 @tune.command("reload")
 def reload() -> None:
     """Have the flight of the service go on with what its vehicle file says now, as a SIGHUP does."""
-    console.print(said(Reload())["text"], highlight=False, markup=False, soft_wrap=True)
+    _tell(Reload())
 
 
 @tune.command("show")

@@ -148,6 +148,7 @@ class Service:
                     self._pulse.beat()
 
     def _fly(self, job: _Job) -> None:
+        last, why = self._last, "the service is about to end"
         try:
             prepared = app.prepare(job.plan)
             mission, config = prepared
@@ -158,17 +159,19 @@ class Service:
             )
             self._state = State.FINISHING
             self._pulse.rest()
-            self._last = self._finish(flown)
+            last = self._finish(flown)
         except BadInputError as error:
-            if not job.accepted.done():
-                job.accepted.set_exception(error)
-            self._last = _ended(job.plan.mission.stem, job.plan.out, Outcome.PROCESS_FAILURE, str(error), str(error))
+            why = str(error)
+            self._journal.write(f"{job.plan.mission.stem}: {why}", ERROR)
+            if job.accepted.done():
+                last = _ended(job.plan.mission.stem, job.plan.out, Outcome.PROCESS_FAILURE, why, why)
         finally:
             self._pulse.rest()
+            with self._lock:
+                self._job, self._picture, self._state, self._last = None, None, State.IDLE, last
+            # Told last: whoever hears it may ask for the next.
             if not job.accepted.done():
-                job.accepted.set_exception(BadInputError("the service is about to end"))
-            self._job, self._picture, self._state = None, None, State.IDLE
-        self._journal.write(f"{self._last['mission']}: {self._last['outcome']}: {self._last['reason']}")
+                job.accepted.set_exception(BadInputError(why))
 
     def _watch(self, job: _Job, mission: MissionFile, config: Config, bus: Bus, rig: Rig) -> None:
         picture = Picture(mission, config, bus, rig)
@@ -193,6 +196,7 @@ class Service:
         except (BadInputError, OSError) as error:
             self._journal.write(f"{flown.out}: no report: {error}", ERROR)
             failed = flown.log_error or str(error)
+        self._journal.write(f"{flown.mission}: {outcome}: {reason}")
         return _ended(flown.mission, flown.out, outcome, reason, failed)
 
     # Requests, in the server's thread.
@@ -215,12 +219,13 @@ class Service:
 
     def status(self) -> dict[str, Any]:
         """What the service does and how its last flight ended."""
-        job, picture = self._job, self._picture
+        with self._lock:
+            job, picture, state, last = self._job, self._picture, self._state, self._last
         flight = None if job is None else {"mission": job.plan.mission.stem, "run": str(job.plan.out)}
         if flight is not None and picture is not None:
             flight |= picture.status()
         stopping = self._stopping or (job.orders.stopped if job is not None else "")
-        return {"ok": True, "state": str(self._state), "flight": flight, "last": self._last, "stopping": stopping}
+        return {"ok": True, "state": str(state), "flight": flight, "last": last, "stopping": stopping}
 
     def _start(self, request: Start, peer: Peer) -> Answer:
         options = self._options

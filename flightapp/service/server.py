@@ -5,6 +5,7 @@ for long. A client has a moment to say its one line; while places are scarce, wh
 """
 
 import contextlib
+import errno
 import grp
 import os
 import selectors
@@ -230,24 +231,29 @@ class ControlServer:
 
 
 def _listen(path: Path) -> socket.socket:
-    """A listening socket that the service's user and the group may write to; raises `BadInputError`."""
+    """A listening socket that the service's user and the group may write to; raises `BadInputError`.
+
+    It gets its name when it listens: who sees it is answered. What a process left behind there is replaced.
+    """
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+    fresh = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        if path.is_socket() and not _is_served(path):
-            path.unlink()
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+        if path.exists() and (not path.is_socket() or _is_served(path)):
+            raise OSError(errno.EADDRINUSE, "there is something else, or a service that listens")
         mask = os.umask(0o777 & ~MODE)
         try:
-            listener.bind(str(path))
-        except OSError:
-            listener.close()
-            raise
+            listener.bind(str(fresh))
         finally:
             os.umask(mask)
         with contextlib.suppress(KeyError, OSError):  # no such group, or it is not ours to give to
-            os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
+            os.chown(fresh, -1, grp.getgrnam(GROUP).gr_gid)
         listener.listen(BACKLOG)
         listener.setblocking(False)
+        fresh.rename(path)
     except OSError as error:
+        listener.close()
+        with contextlib.suppress(OSError):
+            fresh.unlink()
         raise BadInputError(
             f"{path}: cannot listen there: {error.strerror or error}; name another place with --socket or"
             " FLIGHTAPP_SOCKET, or stop the service that listens there"

@@ -101,6 +101,7 @@ def test_a_session(place):
         outside = ROOT / "missions" / "lemniscate.py"
         told["outside"] = client.ask(Start(mission=str(outside)), path)["error"]
         told["broken"] = client.ask(Start(mission=str(place / "broken.py")), path)["error"]
+        told["refused_start"] = client.ask(Status(), path)
         told["typo"] = client.ask(Start(mission=str(place / "up.py"), settings=("race.vmax=3",)), path)["error"]
         # Two flights, one after the other: the service goes on.
         for name, seconds in {"first": 1.0, "second": 600.0}.items():
@@ -118,6 +119,7 @@ def test_a_session(place):
 
     journal = serve_while(place, script)
     assert told["idle"] == {"ok": True, "state": "idle", "flight": None, "last": None, "stopping": ""}
+    assert told["refused_start"] == told["idle"]
     assert all("nothing flies" in error for error in told["nothing"])
     assert "nothing flies" in told["tune"]
     assert "takes files from" in told["outside"] and str(place) in told["outside"]
@@ -172,13 +174,12 @@ def test_the_watchdog_is_fed_while_waiting_and_a_reload_is_told(place):
         assert client.ask(Reload(), path)["error"].startswith("nothing flies")
         os.kill(os.getpid(), signal.SIGHUP)
         assert heard.wait("RELOADING=1\nMONOTONIC_USEC=")
+        heard.messages.remove("READY=1\nSTATUS=waiting for a mission")
+        assert heard.wait("READY=1")
 
     with notify_socket(str(place / "notify")) as heard:
         serve_while(place, script, str(place / "notify"))
-        messages = heard.take()
-    kinds = [message.partition("\n")[0] for message in messages]
-    assert "READY=1" in kinds[kinds.index("RELOADING=1") :]
-    assert kinds.count("STOPPING=1") == 1
+        assert heard.take().count("STOPPING=1") == 1
 
 
 @contextmanager
@@ -222,6 +223,8 @@ def test_sigterm_in_flight_lands_and_ends_well(place):
         assert (tuned.returncode, tuned.stdout) == (0, "retuned: control.yaw_bandwidth 3.0 → 2.5\n")
         refused = command(environment, "tune", "set", "control.yaw_bandwidth=2", "vehicle.mass=2")
         assert refused.returncode == 1 and "may not change in flight: vehicle.mass" in refused.stderr
+        told = json.loads(command(environment, "status", "--json").stdout)
+        assert told["state"] == "flying" and told["flight"]["gates"] == [0, 1] and told["flight"]["faults"] == []
         process.send_signal(signal.SIGTERM)
         time.sleep(1.0)
         process.send_signal(signal.SIGTERM)
@@ -234,3 +237,30 @@ def test_sigterm_in_flight_lands_and_ends_well(place):
     assert json.loads((run / "summary.json").read_text())["outcome"] == "INTERRUPTED"
     with suppress(BadInputError):
         raise AssertionError(client.ask(Status(), place / "control.sock"))
+
+
+class Stuck:
+    """A stream that takes nothing before it may, and fails at the end."""
+
+    def __init__(self):
+        self.may, self.lines = threading.Event(), []
+
+    def write(self, text):
+        self.may.wait(10.0)
+        self.lines.append(text)
+
+    def flush(self):
+        raise OSError(28, "No space left on device")
+
+
+def test_a_journal_that_is_stuck_holds_nothing_up_and_keeps_the_newest(monkeypatch):
+    monkeypatch.setenv("JOURNAL_STREAM", "8:1")
+    stuck = Stuck()
+    journal = Journal(stuck)
+    begun = time.monotonic()
+    for k in range(5000):
+        journal.write(f"line\n{k}", 3)
+    assert time.monotonic() - begun < 5.0
+    stuck.may.set()
+    journal.close()
+    assert 1000 <= len(stuck.lines) <= 1002 and stuck.lines[-1] == "<3>line 4999\n"

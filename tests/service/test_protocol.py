@@ -50,7 +50,7 @@ def test_a_request_survives_the_way(request_):
     assert parse(line) == request_
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(messages)
 def test_whatever_comes_is_a_request_or_refused_in_words(line):
     try:
