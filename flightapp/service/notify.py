@@ -4,13 +4,18 @@ import contextlib
 import os
 import socket
 import time
+from collections import deque
 from collections.abc import Mapping
+
+KEPT = 4
+"""Messages that are kept for later."""
 
 
 class Notifier:
     """Sends to the socket that ``environment`` names in NOTIFY_SOCKET; nothing where it names none.
 
-    A send never waits: what does not fit into the socket's queue is lost.
+    A send never waits. Where the socket's queue is full a ping or a status is lost, for the next will do; the others
+    are kept and go out before it.
     """
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
@@ -21,31 +26,34 @@ class Notifier:
         if self._socket is not None:
             self._socket.setblocking(False)
         self._status = ""
+        self._kept: deque[bytes] = deque(maxlen=KEPT)
         self.watchdog = _watchdog(environment)
         """s within which systemd wants a `ping`; 0 where it wants none."""
 
     def ready(self, status: str) -> None:
         """The service is up, or has reloaded."""
         self._status = status
-        self._send("READY=1", f"STATUS={_line(status)}")
+        self._keep("READY=1", f"STATUS={_line(status)}")
 
     def status(self, text: str) -> None:
         """What the service does, in one line, if it has changed."""
         if text != self._status:
             self._status = text
-            self._send(f"STATUS={_line(text)}")
+            self._send(f"STATUS={_line(text)}".encode())
+        else:
+            self._send()
 
     def ping(self) -> None:
         """All is well."""
-        self._send("WATCHDOG=1")
+        self._send(b"WATCHDOG=1")
 
     def reloading(self) -> None:
         """The configuration is being read anew; `ready` must follow."""
-        self._send("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
+        self._keep("RELOADING=1", f"MONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def stopping(self) -> None:
         """The service is about to end."""
-        self._send("STOPPING=1")
+        self._keep("STOPPING=1")
 
     def close(self) -> None:
         """Send nothing any more."""
@@ -53,10 +61,30 @@ class Notifier:
             self._socket.close()
             self._socket = None
 
-    def _send(self, *lines: str) -> None:
-        if self._socket is not None:
-            with contextlib.suppress(OSError):  # nobody listens, or the queue is full: the next one will do
-                self._socket.sendto("\n".join(lines).encode(), self._address)
+    def _keep(self, *lines: str) -> None:
+        self._kept.append("\n".join(lines).encode())
+        self._send()
+
+    def _send(self, message: bytes | None = None) -> None:
+        """What was kept and then ``message``, as far as they go."""
+        with contextlib.suppress(IndexError):  # nothing more is kept
+            while True:
+                kept = self._kept.popleft()
+                if not self._sent(kept):
+                    self._kept.appendleft(kept)
+                    return
+        if message is not None:
+            self._sent(message)
+
+    def _sent(self, message: bytes) -> bool:
+        """Whether ``message`` has gone out, or nobody wants it."""
+        if self._socket is None:
+            return True
+        try:
+            self._socket.sendto(message, self._address)
+        except OSError:  # nobody listens, or the queue is full
+            return False
+        return True
 
 
 def _line(text: str) -> str:

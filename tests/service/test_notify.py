@@ -3,6 +3,7 @@
 import asyncio
 import os
 import socket
+from contextlib import suppress
 
 import pytest
 from fakes import virtually
@@ -49,6 +50,31 @@ def test_a_socket_that_is_full_or_gone_holds_nothing_up(tmp_path):
     notifier.ping()
     notifier.close()
     notifier.ping()
+
+
+def test_what_must_be_heard_is_kept_while_the_queue_is_full(tmp_path):
+    address = str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as slow:
+        slow.bind(address)
+        slow.setblocking(False)
+        notifier = Notifier({"NOTIFY_SOCKET": address})
+        for _ in range(1000):
+            notifier.ping()
+        notifier.reloading()
+        notifier.ready("flying")
+        heard = drained(slow)
+        assert set(heard) == {"WATCHDOG=1"} and len(heard) < 1000
+        notifier.status("flying")
+        assert [one.partition("=")[0] for one in drained(slow)] == ["RELOADING", "READY"]
+        notifier.close()
+
+
+def drained(slow):
+    heard = []
+    with suppress(BlockingIOError):
+        while True:
+            heard.append(slow.recv(4096).decode())
+    return heard
 
 
 @pytest.mark.parametrize(
