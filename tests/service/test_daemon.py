@@ -11,9 +11,11 @@ import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 from notify_socket import notify_socket
 
+from flightapp.config import Config
 from flightapp.inputs import BadInputError
 from flightapp.recording.reader import read_flight
 from flightapp.service import client
@@ -140,6 +142,13 @@ def test_a_session(place):
     assert told["stopped"] == {"ok": True, "text": "it lands"}
     second = told["second"]
     assert second["outcome"] == "INTERRUPTED" and second["reason"].startswith("stop asked for by")
+    flight = read_flight(Path(second["run"]) / "flight.mcap")
+    tuned = [event for event in flight.events if event.kind == "tuning"]
+    assert [event.text.partition(":")[0] for event in tuned] == ["retuned", "not retuned"]
+    tick = 1.0 / Config().control.rate
+    for event in tuned:
+        around = flight.commands.stamp[np.abs(flight.commands.stamp - event.stamp) < 0.3]
+        assert np.diff(around).max() < 1.01 * tick
     for run in (told["first"]["run"], second["run"]):
         assert json.loads((Path(run) / "summary.json").read_text())["outcome"]
         assert (Path(run) / "report.html").is_file()
