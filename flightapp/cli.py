@@ -32,6 +32,7 @@ COMMANDS = {
     "doctor": "doctor:doctor",
     "sim-autopilot": "sim_autopilot:sim_autopilot",
     "calibrate": "calibrate:calibrate",
+    "markers": "markers:markers",
     "faults": "faults:faults",
 }
 """Each command's module in `flightapp.commands` and its function there, or its group of commands, in help's order."""

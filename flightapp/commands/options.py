@@ -12,3 +12,8 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help="also write the re
 Connect = Annotated[
     str | None, typer.Option("--connect", help="fly a real vehicle at udpin://HOST:PORT or serial:///dev/NAME:BAUD")
 ]
+Dictionary = Annotated[str, typer.Option(help="of the board's markers: OpenCV's, without DICT_")]
+Columns = Annotated[int, typer.Option(help="squares of the board across")]
+Rows = Annotated[int, typer.Option(help="squares of the board down")]
+Square = Annotated[float, typer.Option(help="mm, side of the board's squares, as measured on the print")]
+MarkerSize = Annotated[float, typer.Option("--marker", help="mm, side of the board's markers")]

@@ -1,0 +1,1 @@
+"""What must be known of the cameras and trackers, from what they saw."""

@@ -1,0 +1,1 @@
+"""Markers, boards and drawings on paper, at their exact size."""
