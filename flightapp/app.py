@@ -22,7 +22,7 @@ from flightapp.behaviors.coordinator import Coordinator
 from flightapp.bus import Bus
 from flightapp.channel import Topic
 from flightapp.config import Config, dump_config, load_config
-from flightapp.interfaces import Rig, WithFallback
+from flightapp.interfaces import Rig, Telling, WithFallback
 from flightapp.mapping.map_file import mapped, read_map, write_map
 from flightapp.messages import Event, Outcome
 from flightapp.mission.drone import Drone
@@ -191,6 +191,8 @@ def _wire(
     _record(recorder, bus, rig, config)
     bus.event.tap(app_log.write)
     rig.autopilot.notices.tap(bus.event.publish)
+    if isinstance(rig.camera, Telling):
+        rig.camera.notices.tap(bus.event.publish)
     known = with_map(rig.survey(told(mission.track, config)), config)
     modules = choose_modules(config, known, rig.camera.model)
     machine = MissionMachine(bus.phase, bus.event)

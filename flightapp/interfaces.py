@@ -191,6 +191,16 @@ class FrameSource(Protocol):
         ...
 
 
+@runtime_checkable
+class Telling(Protocol):
+    """A camera that has things to tell, such as that it was unplugged."""
+
+    @property
+    def notices(self) -> Topic[Event]:
+        """In words, for the log."""
+        ...
+
+
 class PoseSource(Protocol):
     """A tracker, with its mount already taken out: poses of the body."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from flightapp.autopilot.link import Px4Link
+from flightapp.cameras.choice import OpenCamera, open_camera
 from flightapp.channel import Reader, Topic
 from flightapp.computer import OwnComputer
 from flightapp.config import Config
@@ -38,6 +39,9 @@ class Blind:
         """Nothing, for ever."""
         nothing: asyncio.Future[Frame] = asyncio.get_running_loop().create_future()
         yield await nothing
+
+    def close(self) -> None:
+        """Nothing to give back."""
 
 
 class Tracker(PoseSource, Protocol):
@@ -91,31 +95,34 @@ class SelfPositionedLink(Px4Link):
 
 
 class Px4Rig:
-    """A vehicle with PX4 that flies through waypoints: poses from a tracker or from PX4 itself, no camera.
+    """A vehicle with PX4: poses from a tracker or from PX4 itself, images from the camera that is configured.
 
-    Raises `BadInputError` for a track with gates, which take a camera to find.
+    Raises `BadInputError`, so for a track with gates, which take a camera to find, where none is configured.
     """
 
     def __init__(self, config: Config, track: Track, seed: int) -> None:
-        if track.passage:
+        if track.passage and not config.camera.source:
             raise BadInputError(
-                f"track '{track.name}' has gates, which take a camera to find, and the rig 'px4' has none;"
-                " fly a track of waypoints, or this one in simulation"
+                f"track '{track.name}' has gates, which take a camera to find, and camera.source is empty: name the"
+                " camera in the vehicle file, fly a track of waypoints, or this one in simulation"
             )
-        if config.sensors.poses == "autopilot":
-            link: Px4Link = SelfPositionedLink(config)
-            self._tracker: Tracker = TopicPoses(link.odometry, PoseIntake.of_body(config))
-        else:
-            self._tracker = open_tracker(config, track.start)
-            with ExitStack() as failed:
+        with ExitStack() as failed:
+            camera: OpenCamera = open_camera(config) if config.camera.source else Blind(config)
+            failed.callback(camera.close)
+            if config.sensors.poses == "autopilot":
+                link: Px4Link = SelfPositionedLink(config)
+                self._tracker: Tracker = TopicPoses(link.odometry, PoseIntake.of_body(config))
+            else:
+                self._tracker = open_tracker(config, track.start)
                 failed.callback(self._tracker.close)
                 link = Px4Link(config)
-                failed.pop_all()
-        address = config.recording.truth_address
-        self._mocap = MocapTruth.at(address) if address else None
+            address = config.recording.truth_address
+            self._mocap = MocapTruth.at(address) if address else None
+            failed.pop_all()
+        self._camera = camera
         self.tracker: PoseSource = self._tracker
         self.autopilot: Autopilot = link
-        self.camera: FrameSource = Blind(config)
+        self.camera: FrameSource = camera
         self.worker: Worker = ThreadWorker()
         self.computer: Computer = OwnComputer()
         self.truth: GroundTruthFeed | None = None if self._mocap is None else self._mocap.feed
@@ -130,7 +137,8 @@ class Px4Rig:
         return track
 
     async def close(self) -> None:
-        """Give back the tracker and what motion capture sends to."""
+        """Give back the camera, the tracker and what motion capture sends to."""
+        self._camera.close()
         self._tracker.close()
         if self._mocap is not None:
             self._mocap.close()

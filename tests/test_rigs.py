@@ -3,6 +3,7 @@
 import asyncio
 import socket
 
+import cv2
 import numpy as np
 import pytest
 from fakes import virtually
@@ -43,8 +44,28 @@ def pose(stamp):
 
 
 async def test_gates_need_a_camera():
-    with pytest.raises(BadInputError, match="'gated' has gates"):
+    with pytest.raises(BadInputError, match=r"'gated' has gates.*camera\.source is empty"):
         Px4Rig(settings(), GATED, 0)
+    with pytest.raises(BadInputError, match="/dev/video99"):
+        Px4Rig(settings("camera.source=/dev/video99"), GATED, 0)
+
+
+async def test_gates_are_flown_with_a_camera(tmp_path):
+    for i in range(2):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), np.full((480, 640), 40 * i, np.uint8))
+    path = tmp_path / "poses"
+    rig = Px4Rig(settings(f"camera.source={tmp_path}", f"sensors.pose_address={path}"), GATED, 0)
+    images = [frame.image async for frame in rig.camera.frames()]
+    assert [image.mean() for image in images] == [0.0, 40.0]
+    await rig.autopilot.close()
+    await rig.close()
+
+
+async def test_a_camera_that_is_missing_leaves_nothing_behind(tmp_path):
+    path = tmp_path / "poses"
+    with pytest.raises(BadInputError, match="no such file or directory"):
+        Px4Rig(settings("camera.source=nowhere.mp4", f"sensors.pose_address={path}"), GATED, 0)
+    assert not path.exists()
 
 
 async def test_poses_from_a_socket_and_no_frames(tmp_path):

@@ -1,6 +1,7 @@
 """The vehicle and its camera."""
 
 import math
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -40,17 +41,31 @@ class Vehicle(Section):
 
 
 class Camera(Section):
-    """The gate camera: calibration, mount and rate."""
+    """The gate camera: where its images come from, calibration, mount and rate."""
 
+    source: str = Field(
+        "",
+        description="of a real vehicle's images: /dev/videoN, csi:N, a URL, or a recording (directory, video, .mcap);"
+        " empty: none",
+    )
     lens: Lens = Field(Lens.PINHOLE, description="pinhole (Brown) or fisheye (Kannala-Brandt)")
     width: int = Field(640, ge=64, le=4096, description="px")
     height: int = Field(480, ge=64, le=4096, description="px")
     focal: Quadruple = Field((320.0, 320.0, 319.5, 239.5), description="px: fx, fy, cx, cy")
     distortion: Quadruple = Field((0.0, 0.0, 0.0, 0.0), description="k1, k2, p1, p2 or fisheye k1..k4")
     rate: Finite = Field(30.0, ge=1.0, le=240.0, description="Hz")
+    format: Literal["any", "MJPG", "YUYV", "GREY"] = Field("any", description="of a /dev/videoN's images")
     exposure: Finite = Field(0.004, gt=0.0, le=0.05, description="s")
+    auto_exposure: bool = Field(False, description="let the camera choose the exposure: it blurs in poor light")
+    gain: Finite = Field(-1.0, ge=-1.0, le=1e5, description="in the driver's units; -1 leaves it alone")
     latency: Finite = Field(0.015, ge=0.0, le=0.3, description="s, from mid exposure to the frame's arrival")
-    pitch_up_deg: Finite = Field(10.0, ge=-45.0, le=60.0, description="°, tilt of the camera above body x")
+    stamps: Literal["auto", "driver", "arrival"] = Field(
+        "auto", description="driver: V4L2's, less driver_delay; arrival: less latency; auto: the driver's if they are"
+    )
+    driver_delay: Finite = Field(0.0, ge=-0.1, le=0.3, description="s, from mid exposure to the driver's stamp")
+    pitch_up_deg: Finite = Field(10.0, ge=-90.0, le=90.0, description="°, tilt of the camera above body x")
+    roll_deg: Finite = Field(0.0, ge=-180.0, le=180.0, description="°, about body x, before pitch and yaw")
+    yaw_deg: Finite = Field(0.0, ge=-180.0, le=180.0, description="°, to the left of body x")
     position: Triple = Field((0.08, 0.0, 0.02), description="m, in the body frame")
 
     @model_validator(mode="after")
@@ -67,6 +82,6 @@ class Camera(Section):
             self.height,
             np.array(self.focal),
             np.array(self.distortion),
-            camera_mount(math.radians(self.pitch_up_deg)),
+            camera_mount(*(math.radians(angle) for angle in (self.pitch_up_deg, self.roll_deg, self.yaw_deg))),
             np.array(self.position),
         )
