@@ -70,7 +70,7 @@ class Board:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class View:
     """A board in one image."""
 

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from flightapp import delay_command, results
+from flightapp.commands import calibrate_camera
 
 calibrate = typer.Typer(no_args_is_help=True, help="Find out what the configuration must say of the sensors.")
 console = Console()
@@ -31,3 +32,8 @@ def delay(
     for line in delay_command.delay_lines(found):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     results.write_json(json_file, delay_command.delay_json(found))
+
+
+calibrate.command("camera")(calibrate_camera.camera)
+calibrate.command("import")(calibrate_camera.take_over)
+calibrate.command("export")(calibrate_camera.export)
