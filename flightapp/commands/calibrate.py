@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 
 from flightapp import delay_command, results
-from flightapp.commands import calibrate_camera
+from flightapp.commands import calibrate_camera, calibrate_mount
 
 calibrate = typer.Typer(no_args_is_help=True, help="Find out what the configuration must say of the sensors.")
 console = Console()
@@ -37,3 +37,4 @@ def delay(
 calibrate.command("camera")(calibrate_camera.camera)
 calibrate.command("import")(calibrate_camera.take_over)
 calibrate.command("export")(calibrate_camera.export)
+calibrate.command("mount")(calibrate_mount.mount)
