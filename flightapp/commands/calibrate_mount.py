@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from flightapp import mount_command, results
+from flightapp import mount_command, results, tracker_command
 from flightapp.calibration.board import Board
 from flightapp.calibration.settings_file import write_settings
 from flightapp.commands.options import (
@@ -53,4 +53,25 @@ def mount(
     poor = bool(answer.found.shortfalls)
     if out is not None and (force or not poor):
         write_settings(out, vehicle, "camera", answer.settings, f"from {answer.found.sights} images")
+    raise typer.Exit(1 if poor else 0)
+
+
+def tracker(
+    log: Annotated[Path, typer.Argument(help="a flight.mcap or its directory; or poses as .csv, .txt or .tum")],
+    against: Annotated[
+        Path | None, typer.Option(help="angular velocities of a gyroscope by the same clock: .csv, or another log")
+    ] = None,
+    vehicle: Vehicle = None,
+    out: Annotated[Path | None, typer.Option(help="vehicle file to write: --vehicle's with the new mount")] = None,
+    force: Annotated[bool, typer.Option("--force", help="write a result that is not to be relied on, too")] = False,
+    json_file: JsonFile = None,
+) -> None:
+    """Find how the tracker sits in the body, from quick turning; exit status 0 only if it is to be relied on."""
+    answer = tracker_command.calibrate_tracker(log, against)
+    for line in tracker_command.tracker_lines(answer):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    results.write_json(json_file, tracker_command.tracker_json(answer))
+    poor = bool(answer.found.shortfalls)
+    if out is not None and (force or not poor):
+        write_settings(out, vehicle, "sensors", answer.settings, "calibrated")
     raise typer.Exit(1 if poor else 0)

@@ -63,8 +63,8 @@ def find_delay(stamp: Vector, speed: Vector, reference_stamp: Vector, reference:
     if not end - begin - 2.0 * LAG_MAX >= SHORTEST:
         raise BadInputError(f"the recordings have {max(end - begin, 0.0):.1f} s in common; {SHORTEST:g} s are needed")
     grid = np.arange(begin, end, STEP)
-    a, a_known = _resampled(stamp, speed, grid)
-    b, b_known = _resampled(reference_stamp, reference, grid)
+    a, a_known = resampled(stamp, speed, grid)
+    b, b_known = resampled(reference_stamp, reference, grid)
     for values, known, what in ((a, a_known, "poses"), (b, b_known, "reference")):
         _check_motion(values[known], what)
     sums = _sums(a, a_known, b, b_known)
@@ -77,7 +77,7 @@ def find_delay(stamp: Vector, speed: Vector, reference_stamp: Vector, reference:
     return Delay(peak, error, correlation, float(whole[_REACH, 0]) * STEP)
 
 
-def _resampled(stamp: Vector, values: Vector, grid: Vector) -> tuple[Vector, Mask]:
+def resampled(stamp: Vector, values: Vector, grid: Vector) -> tuple[Vector, Mask]:
     """``values`` smoothed on ``grid``, and where they are known: not in gaps, nor beside what is not finite."""
     good = np.isfinite(values)
     stamp, values = stamp[good], values[good]
