@@ -1,6 +1,5 @@
 """Calibrating a camera from images of a board, live or recorded, and telling what was found."""
 
-import asyncio
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -198,7 +197,7 @@ def _guide(chooser: Chooser, frames: Iterator[Frame], seconds: float, tell: Tell
             if now - told > TELL_EVERY:
                 told = now
                 tell(chooser.told() if view is not None else f"no board in sight; {chooser.told()}")
-    except (KeyboardInterrupt, asyncio.CancelledError):
+    except KeyboardInterrupt:
         tell("ended by hand: what was seen so far is used")
 
 

@@ -17,7 +17,7 @@ FINER = (0.85, 0.92, 1.08, 1.17)
 """Times the best of their focal lengths, tried next."""
 WIDEST = math.cos(math.radians(78.0))
 """Of a ray to the axis: further out, a plane in front of the camera tells little of a first pose."""
-TRIED = 20
+TRIED = 12
 """Views that are enough to choose."""
 NO_MOUNT = np.eye(3), np.zeros(3)
 

@@ -9,12 +9,14 @@ import pytest
 from board_images import BOARD, FISHEYE, PINHOLE, Photographer, pose, tour, view
 from typer.testing import CliRunner
 
+from flightapp import camera_calibration_command
 from flightapp.calibration.coverage import Coverage, shortfalls
 from flightapp.calibration.intrinsics import calibrate
 from flightapp.calibration.lens_guess import ideal
-from flightapp.camera_calibration_command import Chooser
+from flightapp.camera_calibration_command import Chooser, calibrate_camera
+from flightapp.cameras.shots import CameraError, Shot
 from flightapp.commands.calibrate import calibrate as commands
-from flightapp.config import load_config
+from flightapp.config import Camera, load_config
 from flightapp.inputs import BadInputError
 from flightapp.messages import Frame
 
@@ -142,7 +144,7 @@ def test_views_that_do_not_fit_are_left_out():
 @pytest.mark.parametrize("model", [PINHOLE, FISHEYE])
 def test_standard_deviations_are_what_the_errors_are(model):
     scores = []
-    for seed in range(4):
+    for seed in range(3):
         rng = np.random.default_rng(100 + seed)
         found = solved(model, views_of(model, rng, 15, noise=0.2))
         scores.append((found.model.focal - model.focal) / found.deviation[:4])
@@ -169,3 +171,52 @@ def test_no_board_in_the_images(tmp_path):
     result = CliRunner().invoke(commands, ["camera", str(tmp_path)])
     assert "seen in 0 of 3 images" in str(result.exception)
     assert isinstance(CliRunner().invoke(commands, ["camera"]).exception, BadInputError)
+
+
+class Filming:
+    """A live camera that shows each of ``images`` twice: held still, then moved on."""
+
+    def __init__(self, images):
+        self.name, self.hardware_stamps, self.closed = "/dev/video0", True, False
+        self._images = iter([image for one in images for image in (one, one)])
+        self._count = 0
+
+    def open(self):
+        return ("camera.gain was refused",)
+
+    def read(self):
+        self._count += 1
+        if (image := next(self._images, None)) is None:
+            raise CameraError("it was unplugged")
+        return Shot(image, 0.1 * self._count)
+
+    def close(self):
+        self.closed = True
+
+
+def test_a_live_camera_is_guided_until_nothing_is_missing(pinhole_images, monkeypatch):
+    images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted(pinhole_images.iterdir())[::2]]
+    filming = Filming(images)
+    monkeypatch.setattr(camera_calibration_command, "OpencvDevice", lambda *_: filming)
+    monkeypatch.setattr(camera_calibration_command, "TELL_EVERY", 0.0)
+    told = []
+    result = calibrate_camera("/dev/video0", Camera(), PINHOLE.lens, BOARD, 60.0, told.append)
+    np.testing.assert_allclose(result.found.model.focal, PINHOLE.focal, rtol=WITHIN)
+    assert filming.closed
+    assert told[0] == "camera.gain was refused"
+    assert any("still wanted: the board in the image's" in text for text in told)
+    assert "unplugged" in told[-2] or "nothing is missing" in told[-1]
+
+
+def test_a_moving_board_is_blurred_and_not_taken():
+    rng = np.random.default_rng(9)
+    chooser = Chooser(BOARD, PINHOLE.lens)
+    photographer = Photographer(PINHOLE)
+    R, t = pose(PINHOLE, rng, (0.5, 0.5), distance=(0.25, 0.3))
+    for i in range(3):
+        assert (
+            chooser.look(Frame(0.0, i, photographer.take(R, t + np.array((0.01 * i, 0.0, 0.0)), rng)), 2.0) is not None
+        )
+    assert "no board" in chooser.told()
+    chooser.look(Frame(0.0, 3, photographer.take(R, t + np.array((0.02, 0.0, 0.0)), rng)), 2.0)
+    assert chooser.told().startswith("1 views")

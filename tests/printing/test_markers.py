@@ -125,7 +125,7 @@ def test_the_board_is_detected_at_its_size():
     np.testing.assert_allclose(printed - printed.mean(axis=0), wanted - wanted.mean(axis=0), atol=0.06)
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(
     st.sampled_from(["4X4_50", "6X6_250", "ARUCO_MIP_36h12"]),
     st.floats(5.0, 600.0),
