@@ -4,6 +4,7 @@ V4L2's buffers carry the driver's stamps (V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC), wh
 CAP_PROP_POS_MSEC. Where they are not by CLOCK_MONOTONIC, images are stamped when they arrive.
 """
 
+import os
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -24,6 +25,8 @@ EXPOSURE_UNIT = 1e-4
 """s, V4L2_CID_EXPOSURE_ABSOLUTE."""
 MANUAL, AUTOMATIC = 1.0, 3.0
 """V4L2_EXPOSURE_MANUAL and V4L2_EXPOSURE_APERTURE_PRIORITY."""
+STALLED = 1
+"""s without an image, in whole seconds, after which a V4L2 camera counts as lost."""
 PATIENCE = 2000
 """ms to wait for a stream's next image."""
 NO_GSTREAMER = (
@@ -68,6 +71,8 @@ class OpencvDevice:
         self._kind, self._camera, self._opener = source.kind, camera, opener
         self._capture: Any = None
         self._code = ""
+        # OpenCV reads it at its first look for an image, which it else waits 10 s for.
+        os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", f"{STALLED}")
 
     def open(self) -> tuple[str, ...]:
         """Begin to deliver; what the driver refused, in words. Raises `CameraError`."""
@@ -144,6 +149,7 @@ class OpencvDevice:
     def _configure(self) -> tuple[str, ...]:
         """Set what is wanted, read it back, and say what is otherwise; raises `CameraError` for another size."""
         camera, refused = self._camera, []
+        self._set(cv2.CAP_PROP_MODE, 0.0)  # values are the driver's own, not shares of their range
         if camera.format != "any":
             self._set(cv2.CAP_PROP_FOURCC, float(cv2.VideoWriter.fourcc(*camera.format)))
         for key, value in ((cv2.CAP_PROP_FRAME_WIDTH, camera.width), (cv2.CAP_PROP_FRAME_HEIGHT, camera.height)):
@@ -161,7 +167,7 @@ class OpencvDevice:
         if camera.format not in ("any", code):
             refused.append(f"camera.format = {camera.format} was refused: it films {code}")
         self._code = code
-        # OpenCV then hands the buffer on as it is, and only the brightness is taken of it.
+        # OpenCV then hands the buffer on as it is, a row of bytes, and only the brightness is taken of it.
         if code not in ("MJPG", "YUYV", "GREY") or not self._set(cv2.CAP_PROP_CONVERT_RGB, 0.0):
             self._code = ""
         rate = self._get(cv2.CAP_PROP_FPS)

@@ -62,7 +62,7 @@ class FakeCapture:
             return True, cv2.imencode(".jpg", self.scene)[1].reshape(1, -1)
         if code == "GREY":
             return True, self.scene.reshape(1, -1)
-        return True, np.dstack((self.scene, np.full_like(self.scene, 128)))
+        return True, np.dstack((self.scene, np.full_like(self.scene, 128))).reshape(1, -1)
 
     def release(self):
         self.released = True
