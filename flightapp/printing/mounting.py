@@ -77,11 +77,12 @@ def _told(shape: GateShape) -> str:
 def _marker(view: _View, shape: GateShape, marker: int, quad: Vector) -> list[Shape]:
     x, y = view.at(quad[0, 1], quad[0, 2])
     size = view.scale * shape.marker_size
-    text = min(0.2 * size, 4.0)
+    room = 0.5 * view.scale * (shape.border - shape.marker_size)
+    text = min(max(0.75 * room, 1.5), 4.0)
     return [
         Fill(module_boxes(shape.dictionary, marker, x, y, size)),
-        Text(x + 0.5 * size, y + size + 1.1 * text, text, f"id {marker}", middle=True),
-        Text(x + 0.5 * size, y - 0.4 * text, text, "top", middle=True),
+        Text(x + 0.5 * size, y + size + 0.85 * text, text, f"id {marker}", middle=True),
+        Text(x + 0.5 * size, y - 0.25 * text, text, "top", middle=True),
     ]
 
 

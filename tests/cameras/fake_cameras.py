@@ -95,7 +95,7 @@ class FakeDevice:
     def read(self):
         while True:
             try:
-                image, stamp = self.script.get(timeout=0.05)
+                image, stamp = self.script.get(timeout=10.0)
             except queue.Empty:
                 raise CameraError("camera 'fake' delivers nothing any more") from None
             if image is self.GONE:

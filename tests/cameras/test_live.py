@@ -30,6 +30,12 @@ def camera_of(device, rate=100.0):
     return LiveCamera(device, config().camera.model(), rate)
 
 
+def end(camera, device):
+    """Close ``camera`` while its thread waits for an image."""
+    device.film(FakeDevice.GONE)
+    camera.close()
+
+
 async def taken(frames):
     async with asyncio.timeout(3.0):
         return await anext(frames)
@@ -47,7 +53,9 @@ async def test_the_newest_frame_only():
         device.film(image)
     first = asyncio.ensure_future(anext(frames))
     await asyncio.sleep(0)
-    time.sleep(0.02)  # noqa: ASYNC251 - the loop is held up while three arrive
+    while not device.script.empty():
+        time.sleep(0.001)  # noqa: ASYNC251 - the loop is held up while three arrive
+    time.sleep(0.02)  # noqa: ASYNC251
     frame = await first
     np.testing.assert_array_equal(frame.image, images[2])
     assert begun <= frame.stamp <= asyncio.get_running_loop().time()
@@ -56,7 +64,7 @@ async def test_the_newest_frame_only():
     assert following.sequence == 3
     assert following.image.flags.c_contiguous
     assert (camera.counts.taken, camera.counts.skipped) == (4, 2)
-    camera.close()
+    end(camera, device)
     assert "stamps are the driver's" in told[0]
     assert told[1] == "gain was refused"
     assert told[-1].startswith("4 images, 2 overtaken")
@@ -80,8 +88,8 @@ async def test_it_is_lost_and_comes_back(monkeypatch):
     assert device.attempts == 1 + 3 + 1
     assert any("unplugged; it is looked for" in text for text in told)
     assert "camera 'fake' is back" in told
-    camera.close()
-    assert threading.active_count() == 1 or not any(t.name == "camera" for t in threading.enumerate())
+    end(camera, device)
+    assert not any(thread.name == "camera" for thread in threading.enumerate())
     assert device.closed >= 2
 
 
@@ -102,8 +110,8 @@ async def test_what_is_missing_damaged_or_stamped_wrong_is_counted():
         device.film(image, stamp)
     while not np.array_equal((await taken(frames)).image, final):
         pass
-    camera.close()
     assert (camera.counts.taken, camera.counts.missing, camera.counts.refused) == (4, 3, 3)
+    end(camera, device)
 
 
 async def test_another_size_than_the_calibrations_is_refused():
@@ -132,7 +140,7 @@ async def test_health_sees_frames_and_their_absence():
     assert FaultKind.CAMERA_LOST not in faults(now)
     assert FaultKind.CAMERA_LOST in faults(now + settings.safety.camera_timeout + 0.3)
     task.cancel()
-    camera.close()
+    end(camera, device)
 
 
 @contextmanager
