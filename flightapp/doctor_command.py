@@ -10,12 +10,12 @@ from flightapp.autopilot import examination
 from flightapp.autopilot.diagnosis import Diagnosis, Light, Line
 from flightapp.autopilot.doctor import LISTEN, Confirm, DoctorLink, visit
 from flightapp.autopilot.wanted_parameters import Profile
+from flightapp.cameras.choice import open_camera
 from flightapp.config import Config, Vehicle
 from flightapp.inputs import BadInputError
-from flightapp.interfaces import FrameSource
 from flightapp.preflight import camera, computer, poses
 from flightapp.preflight.readings import read_computer
-from flightapp.rigs import Blind, open_tracker
+from flightapp.rigs import open_tracker
 from flightapp.track import Start
 
 
@@ -50,7 +50,7 @@ def examine(
     if Part.POSES in parts:
         found += asyncio.run(_poses(config, LISTEN))
     if Part.CAMERA in parts:
-        found += asyncio.run(_camera(open_camera(config), config, LISTEN))
+        found += asyncio.run(_camera(config, LISTEN))
     if Part.COMPUTER in parts:
         found += computer.lines(read_computer(config, runs), config)
     return replace(diagnosis, lines=(*diagnosis.lines, *found))
@@ -63,11 +63,6 @@ def _vehicle_file(config: Config) -> Line:
         return Line(examination.CONFIGURATION, name, Light.GREEN, f"'{config.vehicle.name}', valid", wanted)
     mend = "give its file with --vehicle: identify thrust, lags and drag"
     return Line(examination.CONFIGURATION, name, Light.AMBER, "the default's: a simulated racer's", wanted, mend)
-
-
-def open_camera(config: Config) -> FrameSource:
-    """The camera of the vehicle."""
-    return Blind(config)
 
 
 async def _poses(config: Config, seconds: float) -> list[Line]:
@@ -83,8 +78,16 @@ async def _poses(config: Config, seconds: float) -> list[Line]:
         tracker.close()
 
 
-async def _camera(source: FrameSource, config: Config, seconds: float) -> list[Line]:
-    if isinstance(source, Blind):
-        mend = "with waypoints alone it flies without; gates take one"
-        return [Line(camera.CAMERA, "frames", Light.AMBER, "no camera", f"{config.camera.rate:g} Hz", mend)]
-    return list(camera.lines(await camera.watch(source, seconds), config, source.model))
+async def _camera(config: Config, seconds: float) -> list[Line]:
+    wanted = f"{config.camera.rate:g} Hz"
+    if not config.camera.source:
+        mend = "name it as camera.source; with waypoints alone it flies without, gates take one"
+        return [Line(camera.CAMERA, "frames", Light.AMBER, "no camera is configured", wanted, mend)]
+    try:
+        source = open_camera(config)
+    except BadInputError as error:
+        return [Line(camera.CAMERA, "frames", Light.RED, str(error), wanted, "see section camera")]
+    try:
+        return list(camera.lines(await camera.watch(source, seconds), config, source.model))
+    finally:
+        source.close()

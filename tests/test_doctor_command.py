@@ -85,13 +85,21 @@ class FakeCamera:
             await asyncio.sleep(0.01)
             yield Frame(loop.time(), 0, rng.integers(0, 255, (480, 640), np.uint8))
 
+    def close(self):
+        self.closed = True
+
 
 def test_a_camera_is_watched_where_there_is_one(monkeypatch):
     (line,) = diagnose({Part.CAMERA}).lines
-    assert (line.light, line.found) == (Light.AMBER, "no camera")
-    monkeypatch.setattr(doctor_command, "open_camera", lambda config: FakeCamera())
-    names = {line.name for line in diagnose({Part.CAMERA}).lines}
+    assert (line.light, line.found) == (Light.AMBER, "no camera is configured")
+    camera, config = FakeCamera(), load_config(None, None, ["camera.source=/dev/video63"])
+    (line,) = diagnose({Part.CAMERA}, config).lines
+    assert line.light is Light.RED
+    assert "/dev/video63" in line.found
+    monkeypatch.setattr(doctor_command, "open_camera", lambda config: camera)
+    names = {line.name for line in diagnose({Part.CAMERA}, config).lines}
     assert {"frames", "age", "exposure", "sharpness", "calibration"} <= names
+    assert camera.closed
 
 
 def test_this_computer_is_really_read(tmp_path):
