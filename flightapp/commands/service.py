@@ -36,7 +36,8 @@ def serve(
     socket: Annotated[Path | None, typer.Option(help="where to listen, else FLIGHTAPP_SOCKET says it")] = None,
 ) -> None:
     """Wait for missions on a Unix socket and fly one at a time; SIGTERM lands, then ends it."""
-    from flightapp.service.daemon import Service, ServiceOptions  # noqa: PLC0415  what flying needs, the others do not
+    from flightapp.config import load_config  # noqa: PLC0415  what flying needs, the others do not
+    from flightapp.service.daemon import Service, ServiceOptions  # noqa: PLC0415
     from flightapp.service.journal import Journal  # noqa: PLC0415
     from flightapp.service.notify import Notifier  # noqa: PLC0415
 
@@ -47,6 +48,7 @@ def serve(
     allowed = tuple(place.resolve() for place in places or [Path()])
     if absent := [str(place) for place in allowed if not place.is_dir()]:
         raise BadInputError(f"--from {', '.join(absent)}: there is no such directory")
+    load_config(vehicle, None, settings)  # what no start could mend is told at once
     options = ServiceOptions(
         socket or socket_path(), rig, allowed, runs.resolve(), vehicle, settings, realtime or rig != "sim"
     )

@@ -21,7 +21,7 @@ tune = typer.Typer(
 )
 
 
-@tune.command("set")
+@tune.command("set", context_settings={"ignore_unknown_options": True})  # such as -1, which is a value
 def set_live(
     key: Annotated[str, typer.Argument(help="section.key, as `tune show` lists them; or KEY=VALUE, several at once")],
     rest: Annotated[list[str] | None, typer.Argument(metavar="VALUE", help="the value, or more of KEY=VALUE")] = None,

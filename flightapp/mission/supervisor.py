@@ -11,7 +11,7 @@ from flightapp.behaviors.base import Context
 from flightapp.behaviors.coordinator import LETTING_GO, Coordinator
 from flightapp.behaviors.emergency import come_to_rest, heard, land_until_down, piloted
 from flightapp.channel import Reader
-from flightapp.interfaces import Autopilot
+from flightapp.interfaces import Autopilot, AutopilotError
 from flightapp.messages import Event, Outcome, Phase
 from flightapp.mission.drone import BehaviorFailedError
 from flightapp.mission.loader import MissionError
@@ -217,7 +217,7 @@ def _ending(flying: "asyncio.Task[None]") -> Ending:
         return Ending(Outcome.GOAL_ACHIEVED, "mission complete")
     if isinstance(error, BehaviorFailedError):
         return Ending(error.result.outcome, str(error))
-    if isinstance(error, MissionError | ArmedAlreadyError):
+    if isinstance(error, MissionError | ArmedAlreadyError | AutopilotError):
         return Ending(Outcome.PROCESS_FAILURE, str(error))
     place = traceback.extract_tb(error.__traceback__)[-1]
     text = f"{place.filename}:{place.lineno}: {type(error).__name__}: {error}"

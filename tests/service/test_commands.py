@@ -4,6 +4,7 @@ import json
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from flightapp.commands import service, tune
 from flightapp.inputs import BadInputError
@@ -128,6 +129,13 @@ def test_one_field_or_several_are_set(played, arguments, settings, capsys):
     assert capsys.readouterr().out == "retuned: a.b 1 → 2\n"
 
 
+def test_a_negative_value_is_no_option(played):
+    played.answers = {Tune: [{"ok": True, "text": "retuned"}]}
+    done = CliRunner().invoke(tune.tune, ["set", "control.airborne_height", "-1"])
+    assert done.exit_code == 0, done.output
+    assert played.asked == [Tune(settings={"control.airborne_height": "-1"})]
+
+
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
@@ -162,3 +170,10 @@ def test_a_service_must_know_what_to_fly(options):
 def test_a_place_for_missions_must_be_there(tmp_path):
     with pytest.raises(BadInputError, match="there is no such directory"):
         service.serve(sim=True, places=[tmp_path / "gone"])
+
+
+def test_options_that_no_start_could_mend_are_told_at_once(tmp_path):
+    with pytest.raises(BadInputError, match="no such vehicle file"):
+        service.serve(sim=True, vehicle=tmp_path / "gone.toml", places=[tmp_path], socket=tmp_path / "control.sock")
+    with pytest.raises(BadInputError, match="did you mean 'v_max'"):
+        service.serve(sim=True, overrides=["race.vmax=3"], places=[tmp_path], socket=tmp_path / "control.sock")
