@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from flightapp.calibration.board import Board, BoardFinder
-from flightapp.calibration.mount import BodyPoses, MountFound, Sight, find_mount
+from flightapp.calibration.body_poses import BodyPoses
+from flightapp.calibration.mount import MountFound, Sight, find_mount
 from flightapp.cameras.names import Kind, Source, parse_source
 from flightapp.cameras.recordings import recorded_frames
 from flightapp.cameras.shots import check_size

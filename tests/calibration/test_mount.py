@@ -7,7 +7,8 @@ import pytest
 from board_images import BOARD
 from scipy.spatial.transform import Rotation
 
-from flightapp.calibration.mount import BodyPoses, Sight, find_mount
+from flightapp.calibration.body_poses import BodyPoses
+from flightapp.calibration.mount import Sight, find_mount
 from flightapp.frames import camera_mount
 from flightapp.inputs import BadInputError
 from flightapp.perception.camera import CameraModel, Lens
