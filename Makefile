@@ -35,9 +35,10 @@ lint: $(READY)
 	@$(VENV)/bin/ruff format --check --quiet . || { echo "not formatted; mend with: $(VENV)/bin/ruff format ." >&2; exit 1; }
 	@$(VENV)/bin/mypy --no-error-summary
 
+# Not --quiet: a warning that is not logged is not counted by --strict.
 docs: $(READY)
 	@$(VENV)/bin/python docs/generated.py
-	@NO_MKDOCS_2_WARNING=true $(VENV)/bin/python -m mkdocs build --quiet --strict --clean
+	@NO_MKDOCS_2_WARNING=true $(VENV)/bin/python -m mkdocs build --strict --clean
 
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
