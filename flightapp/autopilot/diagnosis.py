@@ -119,8 +119,7 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
 
 def diagnosis_tables(diagnosis: Diagnosis) -> Iterator[Table | Text]:
     """For a terminal: what was looked at, the parameters that are wrong with their reasons, and the verdict."""
-    for group in dict.fromkeys(line.group for line in diagnosis.lines):
-        yield _group_table(group, [line for line in diagnosis.lines if line.group == group])
+    yield _line_table(diagnosis.lines)
     wrong = [finding for finding in diagnosis.findings if parameter_line(finding).light is not Light.GREEN]
     if wrong:
         yield _parameter_table(wrong)
@@ -136,13 +135,17 @@ def diagnosis_tables(diagnosis: Diagnosis) -> Iterator[Table | Text]:
     yield Text(verdict[diagnosis.light], style=f"bold {_STYLE[diagnosis.light]}")
 
 
-def _group_table(title: str, lines: Sequence[Line]) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE)
+def _line_table(lines: Sequence[Line]) -> Table:
+    """Group by group, on one screen."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for column in ("", "", "found", "wanted", "mend"):
         table.add_column(column, overflow="fold")
-    for line in lines:
-        cells = (Text(cell) for cell in (str(line.light), line.name, line.found, line.wanted, line.mend))
-        table.add_row(*cells, style=_STYLE[line.light])
+    for group in dict.fromkeys(line.group for line in lines):
+        table.add_row("", Text(group, style="bold"))
+        for line in lines:
+            if line.group == group:
+                cells = (Text(cell) for cell in (str(line.light), line.name, line.found, line.wanted, line.mend))
+                table.add_row(*cells, style=_STYLE[line.light])
     return table
 
 
