@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightapp.config import Estimation, GateMapping
-from flightapp.estimation.process import BIAS, CLIMB, DRIFT, MOUNT, POSITION, SCALE, SLIP, TILT, VELOCITY, YAW
+from flightapp.estimation.process import BIAS, CLIMB, DRIFT, MOUNT, POSITION, RANGE, SCALE, SLIP, TILT, VELOCITY, YAW
 from flightapp.frames import Vector, quat_from_rotvec, quat_from_yaw, quat_multiply, quat_rotate, quat_yaw, wrap_angle
 from flightapp.messages import PoseSample
 
@@ -33,12 +33,13 @@ class Start:
     tilt: float
     climb: float
     mount: float
+    range: float
 
     @classmethod
     def of(cls, e: Estimation, m: GateMapping) -> "Start":
         """As configured."""
         tracker = e.start_position, e.start_yaw, e.scale_error, e.accelerometer_bias, e.tilt_error, e.slip_up
-        return cls(*tracker, m.attitude_error)
+        return cls(*tracker, m.attitude_error, m.range_error)
 
 
 def begin(x: Vector, P: Vector, sample: PoseSample, start: Start) -> None:
@@ -55,6 +56,7 @@ def begin(x: Vector, P: Vector, sample: PoseSample, start: Start) -> None:
     P[SLIP, SLIP] = P[SLIP + 1, SLIP + 1] = FIRST_SLIP**2
     P[TILT, TILT] = P[TILT + 1, TILT + 1] = start.tilt**2
     P[CLIMB, CLIMB] = start.climb**2
+    P[RANGE, RANGE] = start.range**2
     # The start's heading is off about the start itself, so a tracker that is elsewhere in its frame is off, too.
     _follow_position(P, sample.position)
 

@@ -78,7 +78,7 @@ class FusionEstimator:
         e, m = config.estimation, config.mapping
         self._coast, self._trusted = e.coast, (e.trusted_sigma, e.trusted_speed)
         self._settings, self._start = process_settings(e, m), Start.of(e, m)
-        self._errors = np.array((m.sync_error, m.range_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
+        self._errors = np.array((m.sync_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
         self._limits = np.array((m.gate, AMBIGUITY))
         self._register = GateRegister(config, track)
         size = CORE + GATE * len(self._register.gates)

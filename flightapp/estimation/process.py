@@ -11,8 +11,9 @@ metres, where γ hardly changes, and e_x and e_y come and go. Accelerometer and 
 the tracker's velocity shows as the disagreement of the two. The attitude is the tracker's, turned by ψ and a slow tilt
 error τ: q_wb = exp(τ) ⊗ yaw(ψ) ⊗ q_ob. The state (N,) is laid out as below, then position and yaw of each gate; errors
 are additive but for the attitude, whose error is (τ, ψ) as a rotation vector in world axes. What the camera shows is
-turned by a constant error μ of its mount, in body axes, which no number of sightings averages out. What the tracker
-gets wrong and by how much follows from its published evaluation (paper's table 9) and is configuration.
+turned by a constant error μ of its mount, in body axes, and further away by a constant share ρ of the distance, that of
+its focal length: no number of sightings averages these out. What the tracker gets wrong and by how much follows from
+its published evaluation (paper's table 9) and is configuration.
 """
 
 import math
@@ -31,8 +32,8 @@ from flightapp.frames import (
 from flightapp.jit import kernel
 
 POSITION, VELOCITY, DRIFT, YAW, SCALE, SLIP, CLIMB, BIAS, TILT = 0, 3, 6, 9, 10, 11, 13, 14, 17
-MOUNT, CORE = 19, 22
-"""Where in the state: p, v, t (each 3), ψ, κ, e_x, e_y, γ, accelerometer's bias (3), τ (2), μ (3); the first gate."""
+MOUNT, RANGE, CORE = 19, 22, 23
+"""Where in the state: p, v, t (each 3), ψ, κ, e_x, e_y, γ, accelerometer's bias (3), τ (2), μ (3), ρ; the first gate."""
 GATE = 4
 """Numbers of a gate: position (3), yaw."""
 

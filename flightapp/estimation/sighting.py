@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.estimation.correction import correct, innovate
-from flightapp.estimation.process import ATTITUDE, GATE, MOUNT, POSITION, RATES, TILT, VELOCITY, YAW, attitude
+from flightapp.estimation.process import ATTITUDE, GATE, MOUNT, POSITION, RANGE, RATES, TILT, VELOCITY, YAW, attitude
 from flightapp.frames import Vector, quat_from_rotvec, quat_multiply, quat_rotate, quat_to_matrix, wrap_angle
 from flightapp.jit import assign, kernel
 from flightapp.linear import factor, whiten
@@ -17,22 +17,22 @@ IGNORED = 1e8
 """Variance of a yaw that is not to be used."""
 FAR_OFF = 0.1
 """Share of the distance by which a gate is seen elsewhere than it is expected that is too far for derivatives there."""
-SEEN, FROM = 13, 9
-"""Numbers of the state on which a sighting depends; those before the gate: position, attitude, mount."""
+SEEN, FROM = 14, 10
+"""Numbers of the state on which a sighting depends; those before the gate: position, attitude, mount, range."""
 
 
 @kernel
 def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, inflation: float, z: Vector, R: Vector) -> float:
     """A sighting from the step ``row`` as ``z`` (4,), the way to the gate in world axes and its yaw; the lean's χ².
 
-    ``sighting`` (43,) is position, orientation and covariance, ``R`` (4, 4) becomes the covariance. ``errors`` (4,):
-    synchronisation (s), range (share), and the least error of position (m) and yaw (rad). ``inflation`` is how many
+    ``sighting`` (43,) is position, orientation and covariance, ``R`` (4, 4) becomes the covariance. ``errors`` (3,):
+    synchronisation (s), and the least error of position (m) and yaw (rad). ``inflation`` is how many
     sightings with the given covariance count as one.
     """
     q_wb = attitude(x, row[ATTITUDE : ATTITUDE + 4])
     R_wb = quat_to_matrix(q_wb)
     q_ws = quat_multiply(q_wb, quat_from_rotvec(x[MOUNT : MOUNT + 3]))
-    r = quat_rotate(q_ws, sighting[0:3])
+    r = (1.0 - x[RANGE]) * quat_rotate(q_ws, sighting[0:3])
     R_wg = quat_to_matrix(quat_multiply(q_ws, sighting[3:7]))
     assign(z[0:3], r)
     z[3] = math.atan2(R_wg[1, 0], R_wg[0, 0])
@@ -54,10 +54,7 @@ def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, inflation:
     for i in range(4):
         for j in range(4):
             R[i, j] += errors[0] ** 2 * motion[i] * motion[j]
-        R[i, i] += errors[2 + i // 3] ** 2
-    for i in range(3):
-        for j in range(3):
-            R[i, j] += errors[1] ** 2 * r[i] * r[j]
+        R[i, i] += errors[1 + i // 3] ** 2
     lean: float = R_wg[2, 1] ** 2 / (C[3, 3] + LEAN**2) + R_wg[2, 0] ** 2 / (C[4, 4] + LEAN**2)
     return lean
 
@@ -77,7 +74,7 @@ def more_upright(x: Vector, row: Vector, sightings: Vector, errors: Vector, z: V
 
 @kernel
 def _derivative(x: Vector, row: Vector, at: int, z: Vector, H: Vector, columns: NDArray[np.int64]) -> None:
-    """Of a sighting ``z`` (4,) of the gate ``at``: ``H`` (4, 13) by position, attitude, mount and the gate.
+    """Of a sighting ``z`` (4,) of the gate ``at``: ``H`` (4, 14) by position, attitude, mount, range and the gate.
 
     It is taken where the gate is expected, but for a gate that is far off, or else a sighting's own noise would seem to
     tell of what none of them shows (G. Huang, A. Mourikis and S. Roumeliotis, "Observability-based rules for designing
@@ -96,7 +93,8 @@ def _derivative(x: Vector, row: Vector, at: int, z: Vector, H: Vector, columns: 
         H[1, 6 + i] = way[2] * R_wb[0, i] - way[0] * R_wb[2, i]
         H[2, 6 + i] = way[0] * R_wb[1, i] - way[1] * R_wb[0, i]
         H[3, 6 + i] = -R_wb[2, i]
-    columns[3], columns[4], columns[5], columns[FROM + 3] = TILT, TILT + 1, YAW, at + 3
+        H[i, 9] = way[i]
+    columns[3], columns[4], columns[5], columns[9], columns[FROM + 3] = TILT, TILT + 1, YAW, RANGE, at + 3
     H[0, 4], H[0, 5] = -way[2], way[1]
     H[1, 3], H[1, 5] = way[2], -way[0]
     H[2, 3], H[2, 4] = -way[1], way[0]

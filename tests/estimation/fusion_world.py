@@ -69,6 +69,7 @@ class Circling:
         self.drift = self.drift - self.yaw * np.cross((0.0, 0.0, 1.0), start)
         self.climb = e.slip_up * draw()
         self.mount = quat_from_rotvec(m.attitude_error * draw(3))
+        self.range = m.range_error * draw()
         self.epoch = 0
 
     def motion(self, t):
@@ -127,7 +128,7 @@ class Circling:
         x, y, z, yaw = gate or GATES[gate_id]
         p, _, _, q, _ = self.motion(stamp)
         way = quat_rotate_inverse(self.mount, quat_rotate_inverse(q, np.array((x, y, z)) - p))
-        way = way + sigma * self.rng.standard_normal(3)
+        way = (1.0 + self.range) * way + sigma * self.rng.standard_normal(3)
         turned = quat_multiply(quat_conjugate(q), quat_from_yaw(yaw + sigma_yaw * self.rng.standard_normal()))
         turned = quat_multiply(quat_conjugate(self.mount), turned)
         covariance = np.diag([sigma**2] * 3 + [1e-6, 1e-6, sigma_yaw**2])

@@ -100,8 +100,9 @@ def test_errors_are_as_large_as_the_filter_says(config):
     assert low < np.mean(totals) < high
 
 
-def test_gates_are_found_and_hold_the_tracker_to_the_world():
-    world = Circling(seed=4)
+def circled(seed):
+    """m by which position and tracker are off in the end, and the gates; for one that sees and one that doesn't."""
+    world = Circling(seed=seed)
     offsets = {1: np.array((1.0, -1.0, 0.3)), 2: np.array((-2.0, 0.5, 0.2)), 3: np.array((0.3, 2.0, -0.4))}
     seeing, blind = FusionEstimator(Config(), a_track(offsets)), FusionEstimator(Config(), a_track(offsets))
     for count in range(4000):
@@ -116,11 +117,19 @@ def test_gates_are_found_and_hold_the_tracker_to_the_world():
     raw = quat_rotate(quat_from_yaw(0.0), pose.position)
     final = seeing.on_pose(world.advance()[0])
     assert final is not None
-    assert np.linalg.norm(final.position - world.motion(world.stamp)[0]) < 0.25 * np.linalg.norm(raw - truth)
-    for gate in seeing.gate_map(world.stamp).gates:
+    off = np.linalg.norm(final.position - world.motion(world.stamp)[0])
+    return off, np.linalg.norm(raw - truth), seeing.gate_map(world.stamp).gates, blind.gate_map(0.0).gates
+
+
+def test_gates_are_found_and_hold_the_tracker_to_the_world():
+    """In some worlds the tracker happens to be hardly off in the end."""
+    flights = [circled(seed) for seed in range(4, 8)]
+    off, tracker_off, found, unseen = zip(*flights, strict=True)
+    assert np.sum(np.square(off)) < 0.25**2 * np.sum(np.square(tracker_off))
+    for gate in (gate for gates in found for gate in gates):
         assert np.linalg.norm(gate.position - GATES[gate.gate_id][:3]) < 0.15
         assert gate.sightings > 100
-    assert [gate.sightings for gate in blind.gate_map(0.0).gates] == [0, 0, 0]
+    assert [gate.sightings for gates in unseen for gate in gates] == [0] * 12
 
 
 @pytest.mark.parametrize("every", [7, 2])

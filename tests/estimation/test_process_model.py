@@ -43,7 +43,7 @@ def a_state(rng):
     x[at.SCALE] = rng.normal(0.0, 0.03)
     x[at.TILT : at.TILT + 2] = 0.0
     x[at.CLIMB] = rng.normal(0.0, 0.03)
-    x[at.MOUNT : at.MOUNT + 3] = 0.0
+    x[at.MOUNT : at.MOUNT + 3] = x[at.RANGE] = 0.0
     return x
 
 
@@ -116,7 +116,7 @@ def test_a_sightings_derivative(seed):
     sighting = np.concatenate((rng.normal(0.0, 4.0, 3), quat_from_euler(0.0, 0.0, 0.4), 1e-4 * np.eye(6).ravel()))
     # The gate's own lean would mix with the tilt's error in its yaw, which the model leaves out: it is upright.
     row[at.ATTITUDE : at.ATTITUDE + 4] = quat_from_euler(0.0, 0.0, rng.uniform(-3.0, 3.0))
-    errors, at_gate = np.zeros(4), CORE + GATE
+    errors, at_gate = np.zeros(3), CORE + GATE
 
     def innovation(y):
         z, R = np.empty(4), np.empty((4, 4))
@@ -192,7 +192,7 @@ def test_a_placed_gate_is_as_uncertain_as_vehicle_and_sighting_together():
     row[at.ATTITUDE : at.ATTITUDE + 4] = (1.0, 0.0, 0.0, 0.0)
     sighting = np.concatenate((position, (1.0, 0.0, 0.0, 0.0), C.ravel()))
     y, Q = x.copy(), P.copy()
-    place(y, Q, at_gate, row, sighting, np.zeros(4), 1.0)
+    place(y, Q, at_gate, row, sighting, np.zeros(3), 1.0)
     draws = []
     for error, seen in zip(
         rng.multivariate_normal(np.zeros(SIZE), P, 20_000), rng.multivariate_normal(np.zeros(6), C, 20_000), strict=True
