@@ -33,7 +33,7 @@ from flightapp.jit import kernel
 
 POSITION, VELOCITY, DRIFT, YAW, SCALE, SLIP, CLIMB, BIAS, TILT = 0, 3, 6, 9, 10, 11, 13, 14, 17
 MOUNT, RANGE, CORE = 19, 22, 23
-"""Where in the state: p, v, t (each 3), ψ, κ, e_x, e_y, γ, accelerometer's bias (3), τ (2), μ (3), ρ; the first gate."""
+"""Where in the state: p, v, t (each 3), ψ, κ, e_x, e_y, γ, the accelerometer's bias (3), τ (2), μ (3), ρ; the gates."""
 GATE = 4
 """Numbers of a gate: position (3), yaw."""
 
