@@ -3,6 +3,8 @@
 A pool of `concurrent.futures` or of loky breaks as a whole when a process dies, and does not say at which job.
 """
 
+import gc
+import itertools
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +20,8 @@ R = TypeVar("R")
 
 ATTEMPTS = 3
 """Times that a job is begun before it counts as lost."""
+TIDIED = 20
+"""Jobs after which a process throws away what they have left: a flight stops the collector, which then overlooks it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +115,7 @@ def _serve(connection: Connection, function: Callable[[J], R]) -> None:
     """Do one job after the other until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that asks is interrupted too, and ends this one
     with suppress(EOFError, OSError):
-        while True:
+        for number in itertools.count(1):
             job = connection.recv()
             try:
                 answer = True, function(job)
@@ -119,3 +123,5 @@ def _serve(connection: Connection, function: Callable[[J], R]) -> None:
                 connection.send((False, error))
             else:
                 connection.send(answer)
+            if number % TIDIED == 0:
+                gc.collect()

@@ -3,6 +3,7 @@
 Nothing flies by itself: after its start, also after a crash, it waits for a mission that somebody asks for.
 """
 
+import gc
 import queue
 import signal
 import threading
@@ -169,6 +170,7 @@ class Service:
             self._pulse.rest()
             with self._lock:
                 self._job, self._picture, self._state, self._last = None, None, State.IDLE, last
+            gc.collect()  # what the flight has left, of which the collector, which it stops, knows nothing
             # Told last: whoever hears it may ask for the next.
             if not job.accepted.done():
                 job.accepted.set_exception(BadInputError(why))

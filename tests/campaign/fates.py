@@ -1,7 +1,9 @@
 """Jobs for other processes, some of which these do not survive."""
 
+import gc
 import os
 import signal
+import weakref
 from pathlib import Path
 
 
@@ -23,3 +25,20 @@ def square(job):
 def process(_):
     """The process that does the job."""
     return os.getpid()
+
+
+LEFT = []
+
+
+class Loop:
+    """What only the collector finds."""
+
+    def __init__(self):
+        self.itself = self
+
+
+def left(_):
+    """How many of what jobs in this process have left are still there; in a flight the collector is off."""
+    gc.disable()
+    LEFT.append(weakref.ref(Loop()))
+    return sum(reference() is not None for reference in LEFT)

@@ -3,7 +3,7 @@
 import fates
 import pytest
 
-from flightapp.campaign.pool import Lost, work
+from flightapp.campaign.pool import TIDIED, Lost, work
 
 
 def test_every_job_is_done_in_processes_that_are_started_once():
@@ -26,3 +26,8 @@ def test_what_a_job_raises_is_raised():
 
 def test_no_jobs_need_no_processes():
     assert list(work(fates.square, [], 2)) == []
+
+
+def test_what_jobs_leave_is_thrown_away():
+    left = dict(work(fates.left, range(3 * TIDIED), 1))
+    assert max(left.values()) == TIDIED
