@@ -63,7 +63,7 @@ class _Observer:
     def _moved(self, truth: GroundTruth) -> None:
         self.now = truth.stamp
         self._count += 1
-        if self._count % THINNED == 0:
+        if self._count % THINNED == 1:
             speed = float(np.linalg.norm(truth.velocity))
             _, x, y, _ = truth.orientation.tolist()
             tilt = math.acos(max(1.0 - 2.0 * (x * x + y * y), -1.0))

@@ -10,8 +10,9 @@ from flightapp.inputs import BadInputError
 
 def find(kind: str, name: str) -> Any:
     """The entry point ``name`` of the group ``flightapp.<kind>``, loaded; raises `BadInputError`."""
-    group = _installed(kind)
-    for entry in group:
+    if name not in names(kind):
+        _installed.cache_clear()  # it may have been installed since
+    for entry in _installed(kind):
         if entry.name == name:
             try:
                 return entry.load()

@@ -195,7 +195,7 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         Stage.LANDING: Trial(_pilot, 0.3, before_end=1.8),
     },
     Kind.NO_COMMAND: {
-        Stage.FLYING: Trial(_one("loop_stall", 0.2, blind=0.2, held=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))
+        Stage.FLYING: Trial(_one("loop_stall", 0.2, blind=0.25, held=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))
     },
     Kind.OVERLOAD: _later(
         _each(_one("loop_busy", LASTING), 3.4),

@@ -1,8 +1,8 @@
 """Which collisions a fault forces on a vehicle: those with what it could not have stopped before.
 
 From the moment of some faults on nobody steers: nothing reaches the autopilot, there is no state to steer by, or a
-pilot has taken over. The vehicle flies on as it did for a known time, then the autopilot brakes. What stands nearer,
-by the truth, than it takes to stop so may be hit whatever the application does; anything else may not.
+pilot has taken over. The vehicle flies on as it did for a known time, then the autopilot leans back and brakes. What
+stands nearer, by the truth, than it takes to stop so may be hit whatever the application does; anything else may not.
 
 Where commands end, the autopilot flies the last body rates on for as long. What these turn over meanwhile comes down
 as it can.
@@ -20,6 +20,8 @@ from flightapp.track import Track
 
 BRAKING = 3.0
 """m/s², with which the autopilot brakes (MPC_ACC_HOR)."""
+LEANING = 0.25
+"""s lost until it brakes so. PX4 builds it up with at most MPC_JERK_AUTO, 4 m/s³ by default, which would take more."""
 
 
 def stopping_distance(speed: float, blind: float) -> float:
@@ -27,7 +29,7 @@ def stopping_distance(speed: float, blind: float) -> float:
 
     What a landing may go aside is in it.
     """
-    return speed * blind + speed * speed / (2.0 * BRAKING) + ASIDE
+    return speed * (blind + LEANING) + speed * speed / (2.0 * BRAKING) + ASIDE
 
 
 def turned_over(tilt: float, rate: float, held: float) -> bool:

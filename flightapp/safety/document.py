@@ -11,11 +11,11 @@ each row in simulation at random moments of each phase, and judges by the truth 
 
 A collision counts against the row unless the fault forces it (`flightapp/evaluation/forced.py`). That is so where
 nobody steers from the fault on (no link, no state, no command, a pilot's hand) and what is hit was then, by the truth,
-no further away than the vehicle needs to stop: it flies on until the autopilot brakes, then slows down at 3 m/s², and
-a landing may go 0.3 m aside. It is also so where commands end and the autopilot flies the last body rates on until
-COM_OF_LOSS_T is over, if by these the vehicle's tilt may come to more than 90° meanwhile; and where the provocation
-itself lays the vehicle on the ground. Forced collisions are counted beside the others, and what is broken before its
-reaction is due is not asked for it.
+no further away than the vehicle needs to stop: it flies on until the autopilot has leaned back, which takes 0.25 s,
+then slows down at 3 m/s², and a landing may go 0.3 m aside. It is also so where commands end and the autopilot flies
+the last body rates on until COM_OF_LOSS_T is over, if by these the vehicle's tilt may come to more than 90° meanwhile;
+and where the provocation itself lays the vehicle on the ground. Forced collisions are counted beside the others, and
+what is broken before its reaction is due is not asked for it.
 
 Preflight lasts until the vehicle is armed, takeoff until the application takes command, flying until a landing is
 asked for, landing until the motors are off; also the landing after a mission that was broken off. Where a reaction

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flightapp.evaluation.forced import BRAKING, gap, is_forced, stopping_distance, turned_over
+from flightapp.evaluation.forced import BRAKING, LEANING, gap, is_forced, stopping_distance, turned_over
 from flightapp.planning.below import ASIDE
 from flightapp.track import Box, Gate, GateShape, Start, Track
 
@@ -27,8 +27,8 @@ def test_gaps_are_those_to_the_frame_and_to_obstacles_by_their_names():
 
 def test_it_takes_longer_to_stop_from_a_higher_speed_and_where_nobody_brakes_for_a_while():
     assert stopping_distance(0.0, 1.0) == ASIDE
-    assert stopping_distance(3.0, 0.0) == pytest.approx(9.0 / (2.0 * BRAKING) + ASIDE)
-    assert stopping_distance(3.0, 0.6) == pytest.approx(1.8 + 1.5 + ASIDE)
+    assert stopping_distance(3.0, 0.0) == pytest.approx(3.0 * LEANING + 9.0 / (2.0 * BRAKING) + ASIDE)
+    assert stopping_distance(3.0, 0.6) == pytest.approx(1.8 + 0.75 + 1.5 + ASIDE)
 
 
 @pytest.mark.parametrize(
