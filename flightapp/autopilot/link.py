@@ -236,8 +236,11 @@ class Px4Link:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._direct = None
+        direct, self._direct = self._direct, None
+        # A message that is under way is handed over while MAVSDK ends: what is called then must be there until it has.
+        called = list(getattr(direct, "_subscriptions", {}).values())
         await asyncio.to_thread(self._mavsdk.destroy)
+        del called
 
     # What keeps it going.
 
