@@ -125,7 +125,7 @@ drop() {
 }
 
 install_all() {
-    case $app/ in
+    case $app/ in # what ProtectHome= and PrivateTmp= hide from the units
         /home/* | /root/* | /run/user/* | /tmp/*)
             fail "the service may not look into $app; clone to /opt/flightapp, run make race there, and install from there"
             ;;

@@ -147,7 +147,7 @@ def test_without_the_group_only_root_and_the_own_user_are(monkeypatch):
     assert refusal(Peer(1, 0, 0)) == ""
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user; others are tested with one made up")
 def test_another_user_is_refused_by_the_file_and_by_the_service(tmp_path):
     asked = []
     script = textwrap.dedent("""

@@ -197,12 +197,6 @@ def test_the_script_that_is_installed_runs_the_command(tmp_path):
     assert script.read_text() == '#!/bin/sh\nexec /opt/flightapp/.venv/bin/flightapp "$@"\n'
 
 
-@pytest.mark.skipif(shutil.which("shellcheck") is None, reason="there is no shellcheck here")
-def test_shellcheck_finds_nothing():
-    done = subprocess.run(["shellcheck", str(INSTALL)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
-
-
 def test_the_bridge_sends_to_where_the_service_listens():
     options = (SYSTEMD / "flightapp.env").read_text()
     address = re.search(r"sensors\.pose_address=(\S+?)[\"\s]", options)
