@@ -4,10 +4,11 @@ Only what a controller alone uses may change. What others were built with, such 
 plans keep to, may not. Plans are still screened with the gains that the flight began with.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from flightapp.config import Config, Section, with_settings
+from flightapp.config import Config, with_settings
+from flightapp.config.fields import bounds
 from flightapp.inputs import BadInputError
 from flightapp.interfaces import Controller, Tunable
 
@@ -34,13 +35,8 @@ def changes(before: Config, after: Config) -> tuple[Change, ...]:
         for key in type(old).model_fields:
             was, is_now = getattr(old, key), getattr(new, key)
             if was != is_now:
-                found.append(Change(f"{name}.{key}", was, is_now, _may_change(old, key)))
+                found.append(Change(f"{name}.{key}", was, is_now, old.may_change_in_flight(key)))
     return tuple(found)
-
-
-def _may_change(section: Section, key: str) -> bool:
-    fixed = type(section).FIXED_IN_FLIGHT
-    return fixed is not None and key not in fixed
 
 
 def live_changes(before: Config, after: Config) -> tuple[Change, ...]:
@@ -68,18 +64,10 @@ def live_fields(config: Config) -> tuple[LiveField, ...]:
     for name in Config.model_fields:
         section = getattr(config, name)
         for key, described in type(section).model_fields.items():
-            if _may_change(section, key):
+            if section.may_change_in_flight(key):
                 text = described.description or ""
-                found.append(LiveField(f"{name}.{key}", getattr(section, key), _bounds(described.metadata), text))
+                found.append(LiveField(f"{name}.{key}", getattr(section, key), bounds(described), text))
     return tuple(found)
-
-
-def _bounds(metadata: Sequence[object]) -> str:
-    words = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
-    limits = [
-        f"{sign} {getattr(one, name):g}" for one in metadata for name, sign in words.items() if hasattr(one, name)
-    ]
-    return ", ".join(limits)
 
 
 class Retuner:

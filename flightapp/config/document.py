@@ -5,10 +5,9 @@ import re
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt
 from pydantic.fields import FieldInfo
 
-from flightapp.config.fields import Section
+from flightapp.config.fields import Section, bounds
 from flightapp.config.whole import Config
 
 INTRODUCTION = """# Configuration
@@ -28,7 +27,6 @@ UNITS = (
 )
 """With which a description begins where its field has a unit, the longest first."""
 _UNIT = re.compile(rf"({'|'.join(map(re.escape, UNITS))})(?![\w'/])(?:[,:] )?")
-_SIGNS = {Gt: ">", Ge: "≥", Lt: "<", Le: "≤"}
 
 
 def document() -> str:
@@ -44,11 +42,6 @@ def document() -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def in_flight(section: type[Section], key: str) -> bool:
-    """Whether ``key`` of ``section`` may change while flying."""
-    return section.FIXED_IN_FLIGHT is not None and key not in section.FIXED_IN_FLIGHT
-
-
 def unit_and_meaning(description: str) -> tuple[str, str]:
     """``description`` without the unit that it begins with, and that unit; "" where it has none."""
     found = _UNIT.match(description)
@@ -59,8 +52,8 @@ def _row(section: type[Section], key: str, field: FieldInfo) -> str:
     unit, meaning = unit_and_meaning(field.description or "")
     default = field.get_default(call_default_factory=True)
     cells = (
-        *(f"`{key}`", _type(field.annotation), f"`{_toml(default)}`", _range(field), unit, meaning),
-        "yes" if in_flight(section, key) else "",
+        *(f"`{key}`", _type(field.annotation), f"`{_toml(default)}`", bounds(field), unit, meaning),
+        "yes" if section.may_change_in_flight(key) else "",
     )
     return f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
 
@@ -94,16 +87,6 @@ def _plural(annotation: Any) -> str:
     if get_origin(annotation) is tuple:
         return f"({', '.join(_type(part) for part in get_args(annotation))})"
     return _type(annotation) + "s"
-
-
-def _range(field: FieldInfo) -> str:
-    signs = [
-        f"{sign} {getattr(bound, kind.__name__.lower()):g}"
-        for kind, sign in _SIGNS.items()
-        for bound in field.metadata
-        if isinstance(bound, kind)
-    ]
-    return ", ".join(signs)
 
 
 def _toml(value: Any) -> str:
