@@ -83,8 +83,8 @@ def serve_while(place, script, heard_at=None):
 
 
 def until_over(path, run):
-    """How the flight ``run`` ended."""
-    until = time.monotonic() + 60.0
+    """How the flight ``run`` ended; where nothing has flown before, kernels are compiled first, which takes minutes."""
+    until = time.monotonic() + 600.0
     while time.monotonic() < until:
         told = client.ask(Status(), path)
         if told["last"] is not None and told["last"]["run"] == run:
