@@ -26,6 +26,8 @@ class Setpoint(NamedTuple):
     """rad/s, body FRD."""
     thrust: float = 0.0
     """0..1 as it was asked for; may be NaN."""
+    stamp: float = 0.0
+    """s, by the clock of who sent it."""
 
 
 class Setpoints:
@@ -39,7 +41,7 @@ class Setpoints:
 
     def take(self, frame: Frame) -> Setpoint | None:
         """Take one, if it is for this vehicle and asks for an attitude or for body rates."""
-        _, w, x, y, z, p, q, r, thrust, system, component, mask = frame.values()
+        sent, w, x, y, z, p, q, r, thrust, system, component, mask = frame.values()
         systems, components = self._targets
         if system not in systems or component not in components or not self._px4.parameters.get("MAV_FWDEXTSP", 1):
             return None
@@ -51,7 +53,7 @@ class Setpoints:
             thrust = -_body_thrust(frame)
         elif mask & IGNORE_THROTTLE:
             thrust = 0.0
-        self.last = Setpoint(mask, (w, x, y, z), (p, q, r), thrust)
+        self.last = Setpoint(mask, (w, x, y, z), (p, q, r), thrust, 1e-3 * sent)
         if attitude and math.isfinite(w + x + y + z) and math.hypot(w, x, y, z) > 1e-6:
             scale = 1.0 / math.hypot(w, x, y, z)
             self._px4.attitude_setpoint(np.array((w, x, -y, -z)) * scale, throttle(thrust))

@@ -79,8 +79,10 @@ class Client:
             return True
         return False
 
-    def setpoint(self, rates=(0.0, 0.0, 0.0), thrust=0.5, mask=128, system=1, component=1, q=(1.0, 0.0, 0.0, 0.0)):
-        self.send(dialect.MAVLink_set_attitude_target_message(0, system, component, mask, q, *rates, thrust))
+    def setpoint(
+        self, rates=(0.0, 0.0, 0.0), thrust=0.5, mask=128, system=1, component=1, q=(1.0, 0.0, 0.0, 0.0), sent=0
+    ):
+        self.send(dialect.MAVLink_set_attitude_target_message(sent, system, component, mask, q, *rates, thrust))
 
     def close(self):
         asyncio.get_running_loop().remove_reader(self._socket)

@@ -120,7 +120,7 @@ async def test_without_a_remote_it_waits_to_be_spoken_to():
 async def test_what_the_peer_saw():
     async with Rig() as rig:
         for _ in range(20):
-            rig.client.setpoint(rates=(0.5, 0.0, 0.0), thrust=0.25)
+            rig.client.setpoint(rates=(0.5, 0.0, 0.0), thrust=0.25, sent=2500)
             await asyncio.sleep(0.004)
         rig.client.setpoint(system=9)
         await asyncio.sleep(0.05)
@@ -128,6 +128,6 @@ async def test_what_the_peer_saw():
         assert seen.count == seen.messages["SET_ATTITUDE_TARGET"] == 21
         assert seen.targets == {(1, 1): 20, (9, 1): 1}
         assert seen.senders == {(1, 191): 21}
-        assert seen.setpoint == Setpoint(128, (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0), 0.25)
+        assert seen.setpoint == Setpoint(128, (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0), 0.25, 2.5)
         assert 0.003 < seen.p50 < 0.01
         assert abs(seen.last - time.monotonic()) < 1.0
