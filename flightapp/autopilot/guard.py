@@ -153,7 +153,7 @@ class CommandGuard:
         when the mode is not known or nothing was heard of the autopilot for `link.lost_after`, and for every command
         after a takeover or a handing over. After a stall of the sender, in which PX4 may have ended OFFBOARD and would
         resume it at the next command, nothing passes until the autopilot was heard anew; after one of more than
-        `guard.stall`, in which it has ended OFFBOARD, nothing passes at all.
+        `guard.stall`, in which it has ended OFFBOARD, nothing passes at all. That it lands then is nobody's takeover.
         """
         self._pace(now, status)
         try:
@@ -185,7 +185,8 @@ class CommandGuard:
         ``state``. On the ground and before OFFBOARD, where the autopilot needs no help, and after a stall, where its
         mode is not known, it is None: send nothing.
 
-        Raises `GuardTrippedError` when the patience is at its end, and at once when the vehicle was taken over.
+        Raises `GuardTrippedError` when the patience is at its end, at once when the vehicle was taken over, and at once
+        after a stall of more than `guard.stall`: what was on its way then may have the autopilot in OFFBOARD again.
         """
         self._pace(now, status)
         try:
@@ -194,7 +195,9 @@ class CommandGuard:
             if final.refusal is not error.refusal:
                 self._reasons[final.refusal] += 1
             raise
-        if self._patience.refused(now, str(error)):
+        if self._heard_from == math.inf:
+            error = GuardTrippedError(Refusal.STALLED, f"for {self._stalled:.2f} s, which ends OFFBOARD")
+        if self._patience.refused(now, str(error)) or self._heard_from == math.inf:
             self._patience.forget()
             self._handed_over = str(error)
             raise GuardTrippedError(Refusal.HANDED_OVER, self._handed_over, error.refusal)
@@ -217,7 +220,8 @@ class CommandGuard:
         if status is None:
             return
         offboard = status.mode is _OFFBOARD
-        if self._engaged and not offboard:
+        failsafe = self._heard_from == math.inf and status.mode is FlightMode.LAND
+        if self._engaged and not (offboard or failsafe):
             self._taken_over = f"mode {status.mode} while commands were followed"
         elif self._engaged and self._was_armed and not status.armed:
             self._taken_over = "disarmed while commands were followed"

@@ -202,7 +202,7 @@ class Px4Link:
         """Send one command at once, unless the process was held up since it was made.
 
         What MAVSDK has in hand already when the process is stopped, within a tenth of a millisecond, can't be recalled:
-        when the process wakes that one command goes out, and PX4 follows it until it misses the next (COM_OF_LOSS_T).
+        when the process wakes that one command goes out, and PX4 follows it until it is told to land.
         """
         p, q, r = command.rates.tolist()
         throttle = self._thrust.throttle(float(command.thrust))

@@ -178,19 +178,31 @@ def test_after_a_stall_nothing_is_sent_before_the_mode_is_known_again():
 def test_an_autopilot_that_left_offboard_during_a_stall_is_not_called_back():
     sender = Sender()
     sender.tick(True)
-    assert sender.tick(True, after=0.6, heard=False) is None
+    assert sender.tick(True, after=0.4, heard=False) is None
     sender.status = replace(FLYING, mode=FlightMode.LAND)
     assert ending(sender, True) is Refusal.TAKEN_OVER
 
 
-def test_after_a_stall_longer_than_offboard_lasts_nothing_is_sent_any_more():
+@pytest.mark.parametrize("mode", [FlightMode.OFFBOARD, FlightMode.LAND])
+def test_after_a_stall_longer_than_offboard_lasts_the_autopilot_shall_land_at_once(mode):
+    """Even where its failsafe has it land: a command that was on its way as the process stopped undoes that."""
     sender = Sender()
     sender.tick(True)
-    sent = [sender.tick(True, after=GUARD.stall + TICK), *sender.ticks(True, AS_LONG - 1)]
-    assert sent == [None] * len(sent)
+    sender.status = replace(FLYING, mode=mode)
+    assert ending(sender, True, after=GUARD.stall + TICK) is Refusal.HANDED_OVER
     assert ending(sender, True) is Refusal.HANDED_OVER
+    assert sender.guard.handed_over
+    assert not sender.guard.taken_over
     sender.guard.release()
+    sender.status = FLYING
     assert sender.tick(True).thrust == GRAVITY
+
+
+def test_who_took_over_while_the_sender_stalled_keeps_the_vehicle():
+    sender = Sender()
+    sender.tick(True)
+    sender.status = replace(FLYING, mode=FlightMode.POSITION)
+    assert ending(sender, True, after=2.0 * GUARD.stall) is Refusal.TAKEN_OVER
 
 
 def test_a_pause_in_which_nothing_was_wanted_is_no_stall():

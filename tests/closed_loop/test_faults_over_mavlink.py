@@ -28,6 +28,20 @@ ctypes.PyDLL(None).usleep({microseconds})
 say("stall", begin, time.monotonic())
 await drone.hover(2.0)
 """
+IN_HAND = """
+from mavsdk.plugins.mavlink_direct import MavlinkDirect
+await drone.hover(1.0)
+hand_on = MavlinkDirect.send_message
+def stopped(direct, message):
+    if message.message_name == "SET_ATTITUDE_TARGET":
+        MavlinkDirect.send_message = hand_on
+        begin = time.monotonic()
+        ctypes.PyDLL(None).usleep(1_200_000)
+        say("stall", begin, time.monotonic())
+    return hand_on(direct, message)
+MavlinkDirect.send_message = stopped
+await drone.hover(10.0)
+"""
 FAILING = """
 def failing(controller, stamp, state, trajectory):
     {how}
@@ -219,6 +233,19 @@ def test_a_long_stall_ends_in_a_landing_that_the_application_does_not_disturb(tm
         assert "PROCESS_FAILURE: " in flight.text()
 
 
+def test_a_command_that_was_on_its_way_brings_offboard_back_only_for_a_moment(tmp_path):
+    with Flight(tmp_path, IN_HAND) as flight:
+        assert flight.ended() == 1
+        flight.assert_safe()
+        began, ended = flight.said("stall")
+        assert flight.mode_since("AUTO_LAND", began) < OFFBOARD_LOSS + ALLOWANCE
+        back = flight.mode_since("OFFBOARD", ended)
+        assert back < 0.1
+        assert flight.mode_since("AUTO_LAND", ended + back) < 0.5 * OFFBOARD_LOSS
+        assert flight.mode_since("OFFBOARD", ended + OFFBOARD_LOSS) == np.inf
+        assert "no command: no sound command for too long: the sender stalled" in flight.text()
+
+
 def test_when_the_process_is_killed_px4_lands(tmp_path):
     with Flight(tmp_path) as flight:
         killed = flight.flying().signal(signal.SIGKILL)
@@ -240,7 +267,7 @@ def test_a_process_that_was_stopped_does_not_disturb_the_landing_when_it_wakes(t
         assert flight.ended() == 1
         flight.assert_safe()
         awake = flight.statistics()
-        # A command that MAVSDK had in hand when the process was stopped can't be recalled: PX4 follows it, and lands.
+        # A command that MAVSDK had in hand when the process was stopped can't be recalled.
         late = awake.count - asleep.count
         assert late <= 1
         assert awake.setpoint.stamp - stopped < 0.1
