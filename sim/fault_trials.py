@@ -17,6 +17,8 @@ AFTER, BEFORE = 0.3, 1.2
 """s after and before a gate that are near one."""
 DRAWS = 200
 """Moments that are drawn until one is not."""
+FOLLOWED = 0.6
+"""s after the climb until the autopilot follows commands, of which it wants a stream first: before, none is missing."""
 SPOOLED = 1.5
 """s after arming at which the vehicle is in the air."""
 BLIND = 0.9
@@ -195,7 +197,9 @@ TRIALS: Mapping[Kind, Mapping[Stage, Trial]] = {
         Stage.LANDING: Trial(_pilot, 0.3, before_end=1.8),
     },
     Kind.NO_COMMAND: {
-        Stage.FLYING: Trial(_one("loop_stall", 0.2, blind=0.25, held=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"))
+        Stage.FLYING: Trial(
+            _one("loop_stall", 0.2, blind=0.25, held=0.2), 0.6, ("guard.hold=0.05", "guard.stall=0.16"), begin=FOLLOWED
+        )
     },
     Kind.OVERLOAD: _later(
         _each(_one("loop_busy", LASTING), 3.4),
