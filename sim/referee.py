@@ -20,7 +20,7 @@ from flightapp.track import FRAME_THICKNESS, Box, Track
 GROUND = "ground"
 """The ground's name in collisions."""
 TOUCHDOWN_SPEED = 1.0
-"""m/s downwards, above it touching the ground is a collision; PX4 lands at MPC_LAND_SPEED = 0.7."""
+"""m/s downwards, above it touching the ground is a collision; PX4 lands at MPC_LAND_SPEED, here 0.6."""
 TOUCHDOWN_COS_TILT = 0.5
 """Cosine of 60°: touching the ground more tilted than that is a collision."""
 GROUND_LEVEL = 0.01

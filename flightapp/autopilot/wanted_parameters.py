@@ -117,6 +117,8 @@ def _offboard(config: Config) -> Sequence[Parameter]:
         Parameter("COM_DISARM_LAND", FLOAT, Within(0.1, 10.0, write=2.0), SHOULD,
                   "Time-out for auto disarm after landing",
                   "a landing is over when PX4 has disarmed"),
+        Parameter("MPC_LAND_SPEED", FLOAT, Within(0.3, 0.65, write=0.6), SHOULD, "Landing descend rate",
+                  "out of a climb that is broken off low PX4 sinks faster than it means to by more than half of that"),
         Parameter("COM_ARMABLE", INT, exactly(1), MUST, "Flag to allow arming", "0 keeps the vehicle on the ground",
                   absent="this version has no such lock"),
     )  # fmt: skip

@@ -26,7 +26,7 @@ ACTING: dict[str, Value] = {
     "NAV_RCL_ACT": 2,
     # Flying by itself.
     "MIS_TAKEOFF_ALT": 2.5,
-    "MPC_LAND_SPEED": 0.7,
+    "MPC_LAND_SPEED": 0.6,
     "MPC_THR_HOVER": 0.5,
     "MPC_TKO_SPEED": 1.5,
     # EKF2.
