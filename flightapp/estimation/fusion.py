@@ -93,7 +93,6 @@ class FusionEstimator:
         self._epoch, self._version, self._unbelieved = 0, 0, 0
         self._posed = self._seen = -math.inf
         self._z = np.empty(4)
-        self._marker = config.camera.focal[0] * track.gate.marker_size
 
     def on_imu(self, sample: ImuSample) -> VehicleState | None:
         """Take ``sample`` over; the state at its stamp where poses have been silent for `SILENCE`, else None.
@@ -197,8 +196,8 @@ class FusionEstimator:
             return False
         record = register.gates[i]
         speed, turning = np.linalg.norm(self._x[VELOCITY : VELOCITY + 3]), np.linalg.norm(row[RATES : RATES + 3])
-        away = max(float(np.linalg.norm(rows[0, :3])), NEAR)
-        inflation, lasting = register.repeats(i, stamp, float(turning + speed / away), self._marker / away)
+        rate = float(turning + speed / max(float(np.linalg.norm(rows[0, :3])), NEAR))
+        inflation, lasting = register.repeats(i, stamp, rate)
         errors = self._errors * math.sqrt(lasting)
         if record.placed:
             verdict = use_sighting(self._x, self._P, at, row, rows, errors, inflation, self._limits, self._z)

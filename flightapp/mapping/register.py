@@ -21,9 +21,6 @@ PLACED_AFTER = 3
 """Sightings by which one place of a gate must lead where nothing was known of it."""
 APART = 1.0
 """s without a sighting that fits, after which a refused one is no longer a contradiction."""
-SMALL, SMALL_POWER, SMALL_TIMES = 13.2, 5.27, 10.0
-"""px, side of a marker of which half of what its own cells do to its corners is left, the power with which that falls,
-and how many times as much of a turn leaves it the same: rendered markers of 11 px stayed 0.1 px off over 0.2 rad."""
 CONTRADICTIONS = 5
 """Refused sightings at one place amid good ones that mean that the same markers are at two places."""
 
@@ -88,16 +85,14 @@ class GateRegister:
         self.notices: list[str] = []
         """What is worth telling, oldest first."""
 
-    def repeats(self, i: int, stamp: float, view_rate: float, side: float) -> tuple[float, float]:
+    def repeats(self, i: int, stamp: float, view_rate: float) -> tuple[float, float]:
         """How many frames of the present rate count as one for what a gate's markers show, and for the calibration.
 
         As long as a marker's edges cross the same pixels the same is wrong with its corners: only as the view changes,
-        with ``view_rate`` (rad/s), do errors average out. At a small marker, with a ``side`` of some px, its own cells
-        pull at the corners, for longer. Errors of mount and calibration last longer, too.
+        with ``view_rate`` (rad/s), do errors average out. Those of mount and calibration last longer.
         """
         since = max(stamp - self.gates[i].last_seen, 1e-3)
-        lasts = self._same_view * (1.0 + SMALL_TIMES / (1.0 + (side / SMALL) ** SMALL_POWER))
-        same = lasts / max(view_rate, 1e-3)
+        same = self._same_view / max(view_rate, 1e-3)
         return max(1.0, 2.0 * same / since), max(1.0, 2.0 * max(self._correlation_time, same) / since)
 
     def refused(self, i: int, stamp: float, place: Vector) -> bool:

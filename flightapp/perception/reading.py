@@ -18,7 +18,8 @@ from flightapp.perception.decoding import (
     rim_brightness,
     simple_codes,
 )
-from flightapp.perception.edges import Image, refine_corners
+from flightapp.perception.edges import Image, quad_area, refine_corners
+from flightapp.perception.picture import fit_picture
 from flightapp.perception.quads import MOST_QUADS, find_quads
 from flightapp.perception.threshold import Means
 
@@ -30,6 +31,8 @@ READING = 14
 Limits = Vector
 """(4,) the least fit, the most unexplained in a cell, the most doubt, and the least that the paper is brighter."""
 
+SMALL = 3.3
+"""px of a cell, below which a marker's sides are not seen by themselves."""
 SIMPLE = np.array((0.97, 0.15, 1.0, 0.45))
 """What `simple_codes` must keep to as well."""
 
@@ -87,6 +90,8 @@ def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, rea
         dark += (cells[0, i] + cells[i, n] + cells[n, n - i] + cells[n - i, 0]) / (4 * n)
     reading[RIM] = (rim_brightness(image, refined, modules) - dark) / contrast
     reading[WIDTH] = width
+    if quad_area(refined) < (SMALL * modules) ** 2:
+        fit_picture(image, refined.copy(), codes[int(reading[CODE])], dark, dark + contrast, width, refined)
     for k in range(8):
         reading[CORNERS + k] = refined[k // 2, k % 2]
     return True

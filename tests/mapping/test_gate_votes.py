@@ -114,14 +114,3 @@ def test_a_gate_that_is_seen_close_beside_its_place_is_not_said_to_have_moved():
         (notice,) = book.notices
         assert ("has moved" in notice) == moved
         assert ("calibrated" in notice) != moved
-
-
-def test_frames_of_one_view_count_as_one_and_of_small_markers_for_longer():
-    book = register()
-    book.gates[0].used(1.0)
-    at = 1.0 + 1.0 / 30.0
-    near, far = book.repeats(0, at, 0.3, 60.0), book.repeats(0, at, 0.3, 11.0)
-    np.testing.assert_allclose(near, (2.0 * 0.1 * 30.0, 2.0 * 0.1 * 30.0), rtol=0.01)
-    assert 6.0 * near[0] < far[0] == far[1] < 11.0 * near[0]
-    assert book.repeats(0, at, 3.0, 60.0)[0] < 1.0 + near[0] / 10.0
-    assert book.repeats(0, 9.0, 0.3, 11.0) == (1.0, 1.0)
