@@ -12,7 +12,7 @@ factors of 0.83 to 1.38 (10 to 90 %), at worst 0.67 and 2.0. Errors of a marker'
 
 Since the detector fits pictures to small markers (`flightapp.perception.picture`) their corners are better: what size
 adds was fitted anew to 1,817 markers narrower than 20 px, blurred by less than 0.8 cells, of 900 images more (pinhole,
-3 to 12 m), in six bins of size to factors of 0.96 to 1.16, and what blur adds to 414 more that were blurred, in six bins.
+3 to 12 m), in six bins of size to factors of 0.96 to 1.16, and what blur adds to 414 more that were blurred.
 """
 
 import math
