@@ -72,8 +72,14 @@ def read_markers(
 
 
 @kernel
-def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, reading: Vector) -> bool:
-    """What ``quad`` (4, 2) shows, into ``reading`` (14,). False for nothing."""
+def _keeps_to(reading: Vector, limits: Vector) -> bool:
+    good = reading[FIT] >= limits[0] and reading[WORST] <= limits[1]
+    return bool(good and reading[DOUBT] <= limits[2] and reading[RIM] >= limits[3])
+
+
+@kernel
+def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, limits: Vector, reading: Vector) -> bool:
+    """What ``quad`` (4, 2) shows, into ``reading`` (14,). False for nothing that keeps to ``limits``."""
     modules = codes.shape[1]
     refined, cells = np.empty((4, 2)), np.empty((modules, modules))
     # A glance spares most of what is no marker the fit.
@@ -90,17 +96,13 @@ def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, rea
         dark += (cells[0, i] + cells[i, n] + cells[n, n - i] + cells[n - i, 0]) / (4 * n)
     reading[RIM] = (rim_brightness(image, refined, modules) - dark) / contrast
     reading[WIDTH] = width
+    if not _keeps_to(reading, limits):
+        return False
     if quad_area(refined) < (SMALL * modules) ** 2:
         fit_picture(image, refined.copy(), codes[int(reading[CODE])], dark, dark + contrast, width, refined)
     for k in range(8):
         reading[CORNERS + k] = refined[k // 2, k % 2]
     return True
-
-
-@kernel
-def _keeps_to(reading: Vector, limits: Vector) -> bool:
-    good = reading[FIT] >= limits[0] and reading[WORST] <= limits[1]
-    return bool(good and reading[DOUBT] <= limits[2] and reading[RIM] >= limits[3])
 
 
 @kernel
@@ -120,6 +122,6 @@ def _read(
     quads, readings, found = np.empty((MOST_QUADS, 4, 2)), np.empty((MOST_QUADS, READING)), 0
     for m in range(find_quads(image, means, boxes, scale, offset, codes.shape[1], known, quads)):
         row = readings[found]
-        if _read_quad(image, quads[m], templates, codes, row) and _keeps_to(row, limits):
+        if _read_quad(image, quads[m], templates, codes, limits, row):
             found += int(not simple[int(row[CODE])] or _keeps_to(row, stricter))
     return readings[:found].copy()

