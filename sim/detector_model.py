@@ -12,7 +12,7 @@ factors of 0.83 to 1.38 (10 to 90 %), at worst 0.67 and 2.0. Errors of a marker'
 
 Since then the detector fits pictures to small markers (`flightapp.perception.picture`), whose corners are better than
 what is drawn here: at 6 to 9 px 0.06 px RMS and not 0.21, at 9 to 11 px 0.04 and not 0.18, at 13 to 16 px 0.03 and not
-0.09 (900 images, pinhole, 3 to 12 m). What is drawn is the harder case, of sides fitted alone.
+0.09 (500 images, pinhole, 3 to 12 m). What is drawn is the harder case, of sides fitted alone.
 """
 
 import math

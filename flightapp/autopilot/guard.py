@@ -195,9 +195,10 @@ class CommandGuard:
             if final.refusal is not error.refusal:
                 self._reasons[final.refusal] += 1
             raise
-        if self._heard_from == math.inf:
+        over = self._heard_from == math.inf
+        if over:
             error = GuardTrippedError(Refusal.STALLED, f"for {self._stalled:.2f} s, which ends OFFBOARD")
-        if self._patience.refused(now, str(error)) or self._heard_from == math.inf:
+        if self._patience.refused(now, str(error)) or over:
             self._patience.forget()
             self._handed_over = str(error)
             raise GuardTrippedError(Refusal.HANDED_OVER, self._handed_over, error.refusal)
