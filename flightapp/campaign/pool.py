@@ -5,12 +5,14 @@ A pool of `concurrent.futures` or of loky breaks as a whole when a process dies,
 
 import gc
 import itertools
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Generic, TypeVar
@@ -114,6 +116,7 @@ def work(function: Callable[[J], R], jobs: Sequence[J], workers: int) -> Iterato
 def _serve(connection: Connection, function: Callable[[J], R]) -> None:
     """Do one job after the other until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that asks is interrupted too, and ends this one
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):
         for number in itertools.count(1):
             job = connection.recv()
@@ -125,3 +128,10 @@ def _serve(connection: Connection, function: Callable[[J], R]) -> None:
                 connection.send(answer)
             if number % TIDIED == 0:
                 gc.collect()
+
+
+def _end_with_parent() -> None:
+    """End this process, whatever it is at, when the one that asks is gone."""
+    if (parent := parent_process()) is not None:
+        wait([parent.sentinel])
+        os._exit(1)

@@ -3,8 +3,11 @@
 import gc
 import os
 import signal
+import time
 import weakref
 from pathlib import Path
+
+from flightapp.campaign.pool import work
 
 
 def square(job):
@@ -42,3 +45,14 @@ def left(_):
     gc.disable()
     LEFT.append(weakref.ref(Loop()))
     return sum(reference() is not None for reference in LEFT)
+
+
+def linger(note):
+    """Write this process's number into the file ``note``, and stay."""
+    note.write_text(str(os.getpid()), encoding="utf-8")
+    time.sleep(60.0)
+
+
+def ask_to_linger(note):
+    """Have `linger` done by a process of a pool."""
+    list(work(linger, [note], 1))

@@ -1,5 +1,9 @@
 """Work in processes, some of which die."""
 
+import time
+from multiprocessing import get_context
+from pathlib import Path
+
 import fates
 import pytest
 
@@ -31,3 +35,29 @@ def test_no_jobs_need_no_processes():
 def test_what_jobs_leave_is_thrown_away():
     left = dict(work(fates.left, range(3 * TIDIED), 1))
     assert max(left.values()) == TIDIED
+
+
+def test_processes_do_not_outlive_the_one_that_asks(tmp_path):
+    note = tmp_path / "pid"
+    asking = get_context("spawn").Process(target=fates.ask_to_linger, args=(note,))
+    asking.start()
+    wait_until(lambda: note.exists() and note.read_text(encoding="utf-8"))
+    asking.kill()
+    asking.join()
+    wait_until(lambda: gone(int(note.read_text(encoding="utf-8"))))
+
+
+def gone(pid):
+    """Whether the process ``pid`` has ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def wait_until(condition):
+    """Wait until ``condition()``, 20 s at most."""
+    end = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
