@@ -3,6 +3,11 @@
 Each is one linear update with a χ² test (Y. Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with Applications to
 Tracking and Navigation", 2001): only a few columns of the measurement's derivative are not zero, and these are
 given by their indices.
+
+Nothing that is measured tells how all of it together is turned about the vertical. As the estimate moves, so does the
+error that such a turn makes, and the covariance must follow (`_follow`), or else the filter takes the difference for
+knowledge of the heading (T. Zhang et al., "Convergence and consistency analysis for a 3-D invariant-EKF SLAM", 2017).
+For the same reason the derivatives by the heading are taken of what the state expects, not of what was measured.
 """
 
 import math
@@ -12,7 +17,9 @@ from numpy.typing import NDArray
 
 from flightapp.estimation.process import (
     CLIMB,
+    CORE,
     DRIFT,
+    GATE,
     GATING,
     KIND,
     MANOEUVRE,
@@ -78,7 +85,7 @@ def correct(x: Vector, P: Vector, nu: Vector, H: Vector, columns: NDArray[np.int
     if not innovate(P, H, columns, R, W, S):
         return math.inf
     whiten(S, nu)
-    chi2 = 0.0
+    chi2, moved = 0.0, np.zeros(n)
     for i in range(m):
         chi2 += nu[i] * nu[i]
     if not chi2 <= gate:
@@ -86,7 +93,7 @@ def correct(x: Vector, P: Vector, nu: Vector, H: Vector, columns: NDArray[np.int
     for i in range(n):
         whiten(S, W[i])
         for k in range(m):
-            x[i] += W[i, k] * nu[k]
+            moved[i] += W[i, k] * nu[k]
     for i in range(n):
         for j in range(i + 1):
             total = P[i, j]
@@ -94,8 +101,35 @@ def correct(x: Vector, P: Vector, nu: Vector, H: Vector, columns: NDArray[np.int
                 total -= W[i, k] * W[j, k]
             P[i, j] = total
             P[j, i] = total
-    x[YAW] = wrap_angle(x[YAW])
+    _move(x, P, moved)
     return chi2
+
+
+@kernel
+def _move(x: Vector, P: Vector, moved: Vector) -> None:
+    """Move ``x`` by ``moved`` (N,), and ``P`` along."""
+    for i in range(x.size):
+        x[i] += moved[i]
+    x[YAW] = wrap_angle(x[YAW])
+    _follow(P, moved)
+    _follow(P.T, moved)
+
+
+@kernel
+def _follow(P: Vector, moved: Vector) -> None:
+    """``P`` ← M P in place; given its transpose, P ← P Mᵀ.
+
+    An error of the heading by ψ goes with errors ψ ẑ × a of each vector a, as when everything is turned. With a moved
+    by Δa, M adds ψ ẑ × Δa to what was known of it.
+    """
+    for j in range(P.shape[1]):
+        yaw = P[YAW, j]
+        for a in (POSITION, VELOCITY, DRIFT, SLIP):
+            P[a, j] -= moved[a + 1] * yaw
+            P[a + 1, j] += moved[a] * yaw
+        for a in range(CORE, moved.size, GATE):
+            P[a, j] -= moved[a + 1] * yaw
+            P[a + 1, j] += moved[a] * yaw
 
 
 @kernel
@@ -140,16 +174,16 @@ def correct_despite(
     chi2 -= variance * along * along / (1.0 + variance * size)
     if not chi2 <= gate:
         return chi2
-    after = g.copy()
+    after, moved = g.copy(), np.zeros(n)
     for i in range(n):
         for k in range(m):
             W[i, k] -= variance * g[i] * spread[k]
         whiten(S, W[i])
         for k in range(m):
-            x[i] += W[i, k] * nu[k]
+            moved[i] += W[i, k] * nu[k]
             after[i] -= W[i, k] * off[k]
     _lower(P, W, g, after, variance)
-    x[YAW] = wrap_angle(x[YAW])
+    _move(x, P, moved)
     return chi2
 
 
@@ -177,7 +211,7 @@ def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
         H[i, i], H[i, 3 + i] = 1.0, -1.0
         R[i, i] = s[POSITION_NOISE] ** 2
     columns[6] = YAW
-    H[0, 6], H[1, 6] = r[1], -r[0]
+    H[0, 6], H[1, 6] = x[POSITION + 1] - x[DRIFT + 1], x[DRIFT] - x[POSITION]
     slope = np.zeros(3)
     chi2 = correct_despite(x, P, nu, H[:, :7], columns, SCALE, slope, R, s[GATING])
     r = quat_rotate(quat_from_yaw(x[YAW]), row[SPEED : SPEED + 3])
@@ -189,7 +223,7 @@ def use_pose(x: Vector, P: Vector, row: Vector, s: Vector) -> float:
         nu[i] = r[i] + share * x[wide[3 + i]] - x[VELOCITY + i]
         H[i, i], H[i, 3 + i] = 1.0, -share
         R[i, i] = s[VELOCITY_NOISE] ** 2
-    H[0, 6], H[1, 6] = r[1], -r[0]
+    H[0, 6], H[1, 6] = x[VELOCITY + 1] - x[SLIP + 1], x[SLIP] - x[VELOCITY]
     return max(chi2, correct_despite(x, P, nu, H[:, :7], wide, SCALE, slope, R, s[GATING]))
 
 

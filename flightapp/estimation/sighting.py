@@ -76,12 +76,13 @@ def more_upright(x: Vector, row: Vector, sightings: Vector, errors: Vector, z: V
 def _derivative(x: Vector, row: Vector, at: int, z: Vector, H: Vector, columns: NDArray[np.int64]) -> None:
     """Of a sighting ``z`` (4,) of the gate ``at``: ``H`` (4, 14) by position, attitude, mount, range and the gate.
 
-    It is taken where the gate is expected, but for a gate that is far off, or else a sighting's own noise would seem to
-    tell of what none of them shows (G. Huang, A. Mourikis and S. Roumeliotis, "Observability-based rules for designing
-    consistent EKF SLAM estimators", 2010).
+    It is taken where the gate is expected, or else a sighting's own noise would seem to tell of what none of them shows
+    (G. Huang, A. Mourikis and S. Roumeliotis, "Observability-based rules for designing consistent EKF SLAM estimators",
+    2010). But for a gate that is far off, what the camera's tilt and calibration do is what they do to the gate seen.
     """
     H[:] = 0.0
     way = x[at : at + 3] - x[POSITION : POSITION + 3]
+    H[0, 5], H[1, 5] = way[1], -way[0]
     off2 = (z[0] - way[0]) ** 2 + (z[1] - way[1]) ** 2 + (z[2] - way[2]) ** 2
     if off2 > FAR_OFF**2 * (z[0] ** 2 + z[1] ** 2 + z[2] ** 2):
         assign(way, z[0:3])
@@ -95,8 +96,7 @@ def _derivative(x: Vector, row: Vector, at: int, z: Vector, H: Vector, columns: 
         H[3, 6 + i] = -R_wb[2, i]
         H[i, 9] = way[i]
     columns[3], columns[4], columns[5], columns[9], columns[FROM + 3] = TILT, TILT + 1, YAW, RANGE, at + 3
-    H[0, 4], H[0, 5] = -way[2], way[1]
-    H[1, 3], H[1, 5] = way[2], -way[0]
+    H[0, 4], H[1, 3] = -way[2], way[2]
     H[2, 3], H[2, 4] = -way[1], way[0]
     H[3, 5], H[3, FROM + 3] = -1.0, 1.0
 

@@ -5,7 +5,7 @@ from scipy.stats import chi2
 
 from flightapp.config import Config, GateMapping, load_config
 from flightapp.estimation.fusion import FusionEstimator
-from flightapp.frames import quat_from_yaw, quat_multiply, quat_rotate
+from flightapp.frames import quat_from_yaw, quat_multiply, quat_rotate, quat_yaw, wrap_angle
 from flightapp.messages import GateSighting, PoseSample, Sightings
 
 WHITE = Config(
@@ -64,6 +64,19 @@ def test_without_gates_and_with_a_perfect_tracker_the_state_stays_at_its_pose():
         assert abs(error[2]) < 3.0 * sigma[2] + 0.01
 
 
+@pytest.mark.parametrize("seed", [7, 8])
+def test_poses_tell_nothing_of_the_heading(seed):
+    """However the estimate moves, the heading becomes the less known the further the vehicle has flown."""
+    config, world = Config(), Circling(seed=seed)
+    e = config.estimation
+    states = flown(world, FusionEstimator(config, a_track()), 15.0)
+    way = sum(float(np.linalg.norm(world.motion(state.stamp)[1])) for state in states) / 200.0
+    walked = e.start_yaw**2 + e.yaw_walk**2 * way + e.yaw_at_rest**2 * world.stamp
+    sigmas = np.sqrt([state.covariance[8, 8] for state in states])
+    assert sigmas[-1] == pytest.approx(np.sqrt(walked), rel=0.05)
+    assert (np.diff(sigmas) > -1e-5).all()
+
+
 def test_what_is_seen_again_and_again_from_one_place_tells_little_more():
     """Nothing moves, so the same is wrong with each sighting: forty tell no more than a few."""
     estimator, rest, sigmas = FusionEstimator(Config(), a_track()), np.zeros(3), []
@@ -81,8 +94,11 @@ def test_what_is_seen_again_and_again_from_one_place_tells_little_more():
 
 @pytest.mark.parametrize("config", [WHITE, TURNED], ids=["perfect mount", "wrong mount"])
 def test_errors_are_as_large_as_the_filter_says(config):
-    """NEES of position and velocity, with gates of 3 m priors, over flights drawn from the filter's own model."""
-    runs, totals = 60, []
+    """NEES of position, velocity and heading over flights drawn from the filter's own model.
+
+    Gates of 3 m priors are seen, and then none.
+    """
+    runs, totals, told = 30, [], [*range(6), 8]
     for seed in range(runs):
         world = Circling(config, seed)
         draw = np.random.default_rng(1000 + seed)
@@ -92,11 +108,13 @@ def test_errors_are_as_large_as_the_filter_says(config):
             for i, a, r in zip(GATES, angle, radius, strict=True)
         }
         estimator = FusionEstimator(config, a_track(offsets))
-        state = flown(world, estimator, 4.0, gates=(1, 2, 3))[-1]
-        p, v, *_ = world.motion(state.stamp)
-        e = np.concatenate((state.position - p, state.velocity - v))
-        totals.append(float(e @ np.linalg.solve(state.covariance[:6, :6], e)))
-    low, high = chi2.ppf((0.005, 0.995), 6 * runs) / runs
+        flown(world, estimator, 4.0, gates=(1, 2, 3))
+        state = flown(world, estimator, 4.0)[-1]
+        p, v, _, q, _ = world.motion(state.stamp)
+        heading = wrap_angle(float(quat_yaw(state.orientation)) - float(quat_yaw(q)))
+        e = np.concatenate((state.position - p, state.velocity - v, [heading]))
+        totals.append(float(e @ np.linalg.solve(state.covariance[np.ix_(told, told)], e)))
+    low, high = chi2.ppf((0.005, 0.995), len(told) * runs) / runs
     assert low < np.mean(totals) < high
 
 

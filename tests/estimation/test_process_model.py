@@ -125,10 +125,19 @@ def test_a_sightings_derivative(seed):
 
     z, H, columns = np.empty(4), np.empty((4, SEEN)), np.empty(SEEN, np.int64)
     sighted(x, row, sighting, errors, 1.0, z, np.empty((4, 4)))
+    x[at_gate : at_gate + 3] = x[at.POSITION : at.POSITION + 3] + z[:3]
     _derivative(x, row, at_gate, z, H, columns)
     for k, i in enumerate(columns):
         slope = (innovation(moved(x, i, STEP)) - innovation(moved(x, i, -STEP))) / (2.0 * STEP)
         np.testing.assert_allclose(-slope, H[:, k], atol=1e-6)
+
+
+def followed(P, moved):
+    """``P`` after the state has ``moved``: what an error of the heading does to each vector is about its new place."""
+    M = np.eye(SIZE)
+    for a in (at.POSITION, at.VELOCITY, at.DRIFT, at.SLIP, CORE, CORE + GATE):
+        M[a : a + 2, at.YAW] = -moved[a + 1], moved[a]
+    return M @ P @ M.T
 
 
 def test_a_correction_is_that_of_the_textbook():
@@ -140,7 +149,7 @@ def test_a_correction_is_that_of_the_textbook():
     nu = np.array((0.2, -0.1))
     S = full @ P @ full.T + R
     K = P @ full.T @ np.linalg.inv(S)
-    expected_x, expected_P = x + K @ nu, P - K @ S @ K.T
+    expected_x, expected_P = x + K @ nu, followed(P - K @ S @ K.T, K @ nu)
     chi2 = correct(x, P, nu.copy(), H, columns, R, math.inf)
     assert chi2 == pytest.approx(float(nu @ np.linalg.inv(S) @ nu))
     expected_x[at.YAW] = math.remainder(expected_x[at.YAW], math.tau)
@@ -160,7 +169,7 @@ def test_a_correction_despite_a_state_keeps_that_and_knows_what_it_costs():
     K = alone @ full.T @ np.linalg.inv(full @ alone @ full.T + R)
     full[:, given_state] = slope
     left = np.eye(SIZE) - K @ full
-    expected_x, expected_P = x + K @ nu, left @ P @ left.T + K @ R @ K.T
+    expected_x, expected_P = x + K @ nu, followed(left @ P @ left.T + K @ R @ K.T, K @ nu)
     whole = full @ P @ full.T + R
     fit = correct_despite(x, P, nu.copy(), H, columns, given_state, slope, R, math.inf)
     assert fit == pytest.approx(float(nu @ np.linalg.solve(whole, nu)))
