@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ class Below:
 
     def __init__(self, config: Config, track: Track, gates: Sequence[GateEstimate]) -> None:
         known = [gate for gate in gates if is_known(gate, config.mapping.known_sigma)]
-        margins = Margins.of(config)
+        margins = replace(Margins.of(config), sigmas=0.0)
         self._radius = margins.radius
         self._rows = packed(track.obstacles, known, track.gate, margins)
         self._names = names(track.obstacles, known)

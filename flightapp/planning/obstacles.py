@@ -17,6 +17,7 @@ from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.jit import lean_kernel
 from flightapp.messages import GateEstimate
+from flightapp.planning.course import horizontal_sigma
 from flightapp.track import FRAME_THICKNESS, Box, Cylinder, GateShape
 
 KIND, CENTRE, BALL, COS, SIN, HALF, OWNER, MARGIN, WIDTH = 0, 1, 4, 5, 6, 7, 10, 11, 12
@@ -26,6 +27,8 @@ m along, across and up, for a cylinder its radius, nothing and half its height; 
 BOX, CYLINDER = 0.0, 1.0
 BARS = 4
 """Rows of a frame."""
+WIDEST = 0.3
+"""m by which a frame counts as wider at the most, however little is known of its place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +41,15 @@ class Margins:
     """m beyond it, from boxes and cylinders."""
     frame: float
     """m beyond it, from the frames of gates."""
+    sigmas: float = 0.0
+    """Standard deviations of a gate's place by which its frame counts as wider, on the outside: what is left of the
+    opening is for those to keep who fly through it."""
 
     @classmethod
     def of(cls, config: Config) -> "Margins":
         """What ``config`` says."""
-        return cls(config.vehicle.radius, config.planning.clearance, config.planning.frame_clearance)
+        planning = config.planning
+        return cls(config.vehicle.radius, planning.clearance, planning.frame_clearance, planning.pace_sigmas)
 
 
 def packed(
@@ -60,7 +67,8 @@ def packed(
     if framed and shape is not None:
         bars = rows[len(solids) :]
         places = np.array([(*gate.position.tolist(), gate.yaw) for gate in framed], float)
-        _put_frames(places, float(shape.opening), float(shape.border), bars)
+        borders = np.array([shape.border + min(margins.sigmas * horizontal_sigma(gate), WIDEST) for gate in framed])
+        _put_frames(places, float(shape.opening), borders, bars)
         bars[:, OWNER] = np.repeat(np.arange(len(solids), len(solids) + len(framed)), BARS)
         bars[:, MARGIN] = margins.radius + margins.frame
     return rows
@@ -88,14 +96,16 @@ def _solid(obstacle: Box | Cylinder, owner: int, margin: float) -> tuple[float, 
 
 
 @lean_kernel
-def _put_frames(places: Vector, opening: float, border: float, rows: Vector) -> None:
+def _put_frames(places: Vector, opening: float, borders: Vector, rows: Vector) -> None:
     """Fill ``rows`` (4 m, `WIDTH`) but for owner and margin: for each of ``places`` (m, 4), x, y, z and yaw, four bars.
 
-    They are below, right, above and left of the opening; those below and above are as wide as the frame.
+    They are below, right, above and left of the opening, ``borders`` (m,) thick; those below and above are as long as
+    the frame is wide.
     """
-    inner, bar, thick = 0.5 * opening, 0.5 * border, 0.5 * FRAME_THICKNESS
+    inner, thick = 0.5 * opening, 0.5 * FRAME_THICKNESS
     for i in range(rows.shape[0]):
-        row, place, k = rows[i], places[i // BARS], i % BARS
+        row, place, border, k = rows[i], places[i // BARS], borders[i // BARS], i % BARS
+        bar = 0.5 * border
         c, s = math.cos(place[3]), math.sin(place[3])
         side = (inner + bar) * (1.0 if k > 1 else -1.0)
         aside, up, across, high = (0.0, side, inner + border, bar) if k % 2 == 0 else (side, 0.0, bar, inner)

@@ -1,6 +1,7 @@
 """Distances from what stands in the way."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,19 @@ from hypothesis import strategies as st
 
 from flightapp.config import load_config
 from flightapp.messages import GateEstimate
-from flightapp.planning.obstacles import BALL, MARGIN, OWNER, WIDTH, Margins, beyond, distance, farther, names, packed
+from flightapp.planning.obstacles import (
+    BALL,
+    MARGIN,
+    OWNER,
+    WIDEST,
+    WIDTH,
+    Margins,
+    beyond,
+    distance,
+    farther,
+    names,
+    packed,
+)
 from flightapp.track import FRAME_THICKNESS, Box, Cylinder, GateShape
 
 MARGINS = Margins(0.2, 0.3, 0.05)
@@ -155,4 +168,18 @@ def test_rows_know_their_owner_and_margin():
 
 def test_margins_are_the_vehicle_and_the_clearance():
     config = load_config(None, {"vehicle.radius": 0.25, "planning.clearance": 0.4, "planning.frame_clearance": 0.1})
-    assert Margins.of(config) == Margins(0.25, 0.4, 0.1)
+    assert Margins.of(config) == Margins(0.25, 0.4, 0.1, config.planning.pace_sigmas)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 5.0])
+def test_the_frame_of_a_gate_that_is_not_well_known_is_wider_on_the_outside(sigma):
+    wide, known = (
+        packed((), (replace(gate(yaw=0.0), covariance=s**2 * np.eye(4)),), SHAPE, replace(MARGINS, sigmas=2.0))
+        for s in (sigma, 0.0)
+    )
+    centre, gradient = gate().position, np.empty(3)
+    for bar, outwards in enumerate(((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0))):
+        outside = centre + 5.0 * np.array(outwards)
+        nearer = distance(outside, known, bar, gradient) - distance(outside, wide, bar, gradient)
+        assert nearer == pytest.approx(min(2.0 * sigma, WIDEST))
+        assert distance(centre, wide, bar, gradient) == pytest.approx(distance(centre, known, bar, gradient))
