@@ -5,11 +5,12 @@ VENV := .venv
 READY := $(VENV)/.ready
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --no-input
 
-.PHONY: help race test coverage lint docs lock lock-check clean
+.PHONY: help race test soak coverage lint docs lock lock-check clean
 
 help:
 	@echo "make race      fly the five gates in simulation; the run goes to runs/"
 	@echo "make test      lint, types, all tests, and the documentation"
+	@echo "make soak      the tests that take long, which make test leaves out"
 	@echo "make coverage  lines that the tests run, those on the wall clock left out"
 	@echo "make lint      ruff and mypy only"
 	@echo "make docs      the documentation as a site in build/docs; a broken link fails it"
@@ -22,12 +23,15 @@ race: $(READY)
 
 # What is judged by the wall clock has the computer to itself.
 test: lint
-	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock"
+	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock and not soak"
 	@$(VENV)/bin/python -m pytest -m wall_clock
 	@$(MAKE) --no-print-directory docs
 
+soak: $(READY)
+	@$(VENV)/bin/python -m pytest --numprocesses 2 -m soak
+
 coverage: $(READY)
-	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock" \
+	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock and not soak" \
 		--cov flightapp --cov sim --cov-report term:skip-covered
 
 lint: $(READY)

@@ -267,7 +267,7 @@ def test_it_is_found_by_its_name(name):
     assert find("behaviors", name).name == name
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(5, 25))])
 def test_cancelled_at_any_moment_of_a_mission_it_leaves_the_vehicle_in_safety(seed):
     """Twenty moments of each of twenty-five missions."""
     random = np.random.default_rng(seed)
