@@ -10,9 +10,9 @@ Against 1,666 markers of other images: the shares found in 21 bins of size, blur
 chance, at worst 0.10; the corners' RMS in 10 bins to factors of 0.78 to 1.5. Of the markers fitted to, in 53 bins, to
 factors of 0.83 to 1.38 (10 to 90 %), at worst 0.67 and 2.0. Errors of a marker's corners are drawn independently.
 
-Since then the detector fits pictures to small markers (`flightapp.perception.picture`), whose corners are better than
-what is drawn here: at 6 to 9 px 0.06 px RMS and not 0.21, at 9 to 11 px 0.04 and not 0.18, at 13 to 16 px 0.03 and not
-0.09 (500 images, pinhole, 3 to 12 m). What is drawn is the harder case, of sides fitted alone.
+Since the detector fits pictures to small markers (`flightapp.perception.picture`) their corners are better: what size
+adds was fitted anew to 1,817 markers narrower than 20 px, blurred by less than 0.8 cells, of 900 images more (pinhole,
+3 to 12 m), in six bins of size to factors of 0.96 to 1.16, and what blur adds to 414 more that were blurred.
 """
 
 import math
@@ -36,13 +36,15 @@ BENT, BENT_STEEPNESS = 0.232, 4.8
 
 CORE = 0.0303
 """px, standard deviation of the corners of a sharp marker of middling size."""
-CORE_SMALL, SMALL, SMALL_POWER = 0.223, 13.2, 5.27
+CORE_SMALL, SMALL, SMALL_POWER = 0.180, 6.0, 3.46
 """px of the smallest markers, whose cells pull at their corners; px of the narrow side at which it is half of that, and
 the power with which it falls."""
 CORE_BENT, CORE_BENT_POWER = 0.267, 1.44
 """Cells at a sagitta of one cell, and the power of the sagitta."""
 CORE_SMEARED, CORE_SMEARED_POWER = 0.0164, 2.61
 """Cells at a blur of one cell, and the power of the blur with which it grows."""
+PICTURE, PICTURE_SMEARED = 3.3, 0.67
+"""px per cell below which the detector fits pictures, and the part of what blur does that is left then."""
 WRONG, WRONG_TIMES = 0.563, 3.67
 """Share of the corners that blur puts so many times further off."""
 
@@ -114,6 +116,8 @@ def corner_scatter(look: Look, cells: int) -> tuple[float, float]:
     small = CORE_SMALL / (1.0 + (look.narrow / SMALL) ** SMALL_POWER)
     bent = CORE_BENT * cell * look.bend**CORE_BENT_POWER
     smeared = CORE_SMEARED * cell * look.smear**CORE_SMEARED_POWER
+    if cell < PICTURE:
+        smeared *= PICTURE_SMEARED
     least = sharp * sharp + small * small + bent * bent
     return math.sqrt(least + smeared * smeared), math.sqrt(least + (WRONG_TIMES * smeared) ** 2)
 

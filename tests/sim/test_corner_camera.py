@@ -96,14 +96,14 @@ def jittered(distance: float, oblique: float, rates: tuple[float, float, float],
 
 
 @pytest.mark.parametrize(
-    ("camera", "distance", "oblique", "rates", "rate_bound", "worse"),
+    ("camera", "distance", "oblique", "rates", "rate_bound"),
     [
-        (PINHOLE, 3.0, 0.0, (0.0, 0.0, 0.0), 0.02, 2.0),
-        (PINHOLE, 7.5, 0.0, (0.0, 0.0, 1.5), 0.1, 6.5),
-        (PINHOLE, 9.5, 0.0, (0.0, 0.0, 0.0), 0.15, 6.5),
-        (PINHOLE, 4.0, 1.0, (0.0, 0.0, 0.0), 0.2, 5.0),
-        (PINHOLE, 5.0, 0.0, (0.0, 0.0, 3.8), 0.1, 2.0),
-        (FISHEYE, 2.0, 0.5, (0.0, 0.0, 0.0), 0.05, 2.0),
+        (PINHOLE, 3.0, 0.0, (0.0, 0.0, 0.0), 0.02),
+        (PINHOLE, 7.5, 0.0, (0.0, 0.0, 1.5), 0.1),
+        (PINHOLE, 9.5, 0.0, (0.0, 0.0, 0.0), 0.15),
+        (PINHOLE, 4.0, 1.0, (0.0, 0.0, 0.0), 0.2),
+        (PINHOLE, 5.0, 0.0, (0.0, 0.0, 3.8), 0.1),
+        (FISHEYE, 2.0, 0.5, (0.0, 0.0, 0.0), 0.05),
     ],
     ids=["near", "far", "at the limit", "oblique", "blurred", "fisheye"],
 )
@@ -113,9 +113,7 @@ def test_agrees_with_rendered_images_and_the_detector(
     oblique: float,
     rates: tuple[float, float, float],
     rate_bound: float,
-    worse: float,
 ) -> None:
-    """``worse``: the model does not know that the detector fits pictures to small markers, and draws more error."""
     count = 24
     renderer, corners = Renderer(SCENE, camera, 0.004, 2), CornerCamera(SCENE, camera, 0.004, 2)
     detector = ArucoDetector(Config(), TRACK)
@@ -130,7 +128,7 @@ def test_agrees_with_rendered_images_and_the_detector(
     rate = np.array(hits) / (4.0 * count)
     rms = [np.sqrt(np.mean(np.square(item))) for item in errors]
     assert abs(rate[0] - rate[1]) <= rate_bound, f"found by detector and model: {rate}"
-    assert 0.5 < rms[1] / rms[0] < worse, f"corner RMS of detector and model: {rms} px"
+    assert 0.5 < rms[1] / rms[0] < 2.0, f"corner RMS of detector and model: {rms} px"
 
 
 def test_benchmark_corner_camera(benchmark: BenchmarkFixture) -> None:
