@@ -36,7 +36,12 @@ class Planning(Section):
     screen: bool = Field(True, description="fly each plan in a forward simulation before it is accepted")
     screen_error: Finite = Field(0.4, gt=0.01, le=5.0, description="m off the line in it that make a plan infeasible")
     pace_min: Finite = Field(0.6, gt=0.1, le=1.0, description="least share of the planned speed; 1 never slows down")
-    pace_sigmas: Finite = Field(2.0, gt=0.0, le=10.0, description="standard deviations of a gate its opening must hold")
+    pace_sigmas: Finite = Field(
+        2.0,
+        gt=0.0,
+        le=10.0,
+        description="standard deviations of a gate that its opening must hold, and that plans keep from outside it",
+    )
     pace_ahead: Finite = Field(2.0, gt=0.0, le=20.0, description="s before a gate from which its uncertainty counts")
 
 
