@@ -106,8 +106,8 @@ class Service:
             self._up = True
             self._notifier.ready(WAITING)
             self._journal.write(f"listening at {self._options.socket}")
-            while not self._stopping:
-                self._fly(self._next(server))
+            while (job := self._next(server)) is not None:
+                self._fly(job)
         finally:
             server.close()
 
@@ -138,15 +138,20 @@ class Service:
 
     # Flights, in the main thread.
 
-    def _next(self, server: ControlServer) -> _Job:
-        """The next that is asked for; while waiting the watchdog is told of this loop's and the server's health."""
-        while True:
+    def _next(self, server: ControlServer) -> _Job | None:
+        """The next that is asked for, None at the end; meanwhile the watchdog is told of this loop's health and the
+        server's.
+
+        What a signal raises is lost where it comes amid a destructor: the end is looked for here, too.
+        """
+        while not self._stopping:
             try:
                 return self._jobs.get(timeout=LOOK)
             except queue.Empty:
                 if server.turns != self._turns:
                     self._turns = server.turns
                     self._pulse.beat()
+        return None
 
     def _fly(self, job: _Job) -> None:
         last, why = self._last, "the service is about to end"
