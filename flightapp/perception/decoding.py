@@ -118,7 +118,7 @@ def _smear(cells: Vector, code: Vector, parts: Vector, gram: Vector) -> None:
     """Fill ``parts`` (4, n, n) and ``gram`` (4, 4), their products, with what `_explain` fits.
 
     They are ``cells``, ``code`` and the means of its neighbours to the left and right, and above and below, all without
-    their means and slopes, as light may fall off across a marker. The paper around it is white.
+    their means, slopes and bulges: light may fall off across a marker, or shine upon it. The paper around it is white.
     """
     n = cells.shape[0]
     for i in range(n):
@@ -127,16 +127,20 @@ def _smear(cells: Vector, code: Vector, parts: Vector, gram: Vector) -> None:
             parts[1, i, j] = code[i, j]
             parts[2, i, j] = 0.5 * ((code[i, j - 1] if j > 0 else 1.0) + (code[i, j + 1] if j + 1 < n else 1.0))
             parts[3, i, j] = 0.5 * ((code[i - 1, j] if i > 0 else 1.0) + (code[i + 1, j] if i + 1 < n else 1.0))
+    # A bulge is what (i - middle)² + (j - middle)² is beyond its mean.
     middle, spread = 0.5 * (n - 1), n * n * (n * n - 1) / 12.0
+    level, bulging = (n * n - 1) / 6.0, n * n * (n * n - 1) * (n * n - 4) / 90.0
     for k in range(4):
-        mean, across, down = parts[k].mean(), 0.0, 0.0
+        mean, across, down, bulge = parts[k].mean(), 0.0, 0.0, 0.0
         for i in range(n):
             for j in range(n):
                 across += parts[k, i, j] * (j - middle) / spread
                 down += parts[k, i, j] * (i - middle) / spread
+                bulge += parts[k, i, j] * ((i - middle) ** 2 + (j - middle) ** 2 - level) / bulging
         for i in range(n):
             for j in range(n):
-                parts[k, i, j] -= mean + across * (j - middle) + down * (i - middle)
+                round_ = (i - middle) ** 2 + (j - middle) ** 2 - level
+                parts[k, i, j] -= mean + across * (j - middle) + down * (i - middle) + bulge * round_
         for m in range(k + 1):
             gram[k, m] = (parts[k] * parts[m]).sum()
             gram[m, k] = gram[k, m]
