@@ -24,11 +24,12 @@ race: $(READY)
 # What is judged by the wall clock has the computer to itself.
 test: lint
 	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock and not soak"
-	@$(VENV)/bin/python -m pytest -m wall_clock
+	@$(VENV)/bin/python -m pytest -m "wall_clock and not soak"
 	@$(MAKE) --no-print-directory docs
 
 soak: $(READY)
-	@$(VENV)/bin/python -m pytest --numprocesses 2 -m soak
+	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "soak and not wall_clock"
+	@$(VENV)/bin/python -m pytest -m "soak and wall_clock"
 
 coverage: $(READY)
 	@$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile -m "not wall_clock and not soak" \

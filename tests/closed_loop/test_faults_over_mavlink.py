@@ -97,6 +97,7 @@ def test_without_the_parameter_of_the_takeoff_height_there_is_no_takeoff(tmp_pat
         assert not any(moment.armed for moment in flight.moments)
 
 
+@pytest.mark.soak
 def test_a_reboot_on_the_ground_is_waited_for(tmp_path):
     with Flight(tmp_path, "await drone.hover(1.0)", prelude="import asyncio\nawait asyncio.sleep(5.5)") as flight:
         flight.until(lambda: flight.statistics().messages.get("ODOMETRY", 0) > 40)
@@ -144,6 +145,7 @@ def test_a_pilot_who_takes_over_is_left_alone(tmp_path):
         assert "PROCESS_FAILURE: pilot takeover: the vehicle was taken over: mode position" in flight.text()
 
 
+@pytest.mark.soak
 def test_a_pilot_who_takes_over_in_the_climb_is_left_alone(tmp_path):
     with Flight(tmp_path) as flight:
         flight.until(lambda: flight.now.height > 0.4)
@@ -172,6 +174,7 @@ def test_an_autopilot_that_reboots_in_flight_gets_no_more_commands(tmp_path):
         assert "PROCESS_FAILURE: link lost: nothing heard of the autopilot" in flight.text()
 
 
+@pytest.mark.soak
 def test_telemetry_that_is_not_finite_and_parameters_that_are_missing_do_not_end_a_flight(tmp_path):
     missing = (0.0, "missing", "EKF2_EV_CTRL,COM_OF_LOSS_T,MPC_THR_HOVER,COM_OBL_RC_ACT")
     with Flight(tmp_path, "await drone.goto(1.0, 0.0, 1.0)\nawait drone.hover(1.0)", faults=[missing]) as flight:
@@ -187,8 +190,16 @@ def test_telemetry_that_is_not_finite_and_parameters_that_are_missing_do_not_end
 @pytest.mark.parametrize(
     ("how", "why"),
     [
-        ("raise IndexError('out of range')", "the controller failed: IndexError: out of range"),
-        ("c = controlled(controller, stamp, state, trajectory); c.rates[1] = float('nan'); return c", "not finite"),
+        pytest.param(
+            "raise IndexError('out of range')",
+            "the controller failed: IndexError: out of range",
+            marks=pytest.mark.soak,
+        ),
+        pytest.param(
+            "c = controlled(controller, stamp, state, trajectory); c.rates[1] = float('nan'); return c",
+            "not finite",
+            marks=pytest.mark.soak,
+        ),
         ("time.sleep(0.12); return controlled(controller, stamp, state, trajectory)", "stale: 0.1"),
     ],
     ids=["raises", "nan", "slow"],

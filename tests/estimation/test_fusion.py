@@ -92,7 +92,9 @@ def test_what_is_seen_again_and_again_from_one_place_tells_little_more():
     assert sigmas[-1] > 0.5 * sigmas[0]
 
 
-@pytest.mark.parametrize("config", [WHITE, TURNED], ids=["perfect mount", "wrong mount"])
+@pytest.mark.parametrize(
+    "config", [pytest.param(WHITE, marks=pytest.mark.soak), TURNED], ids=["perfect mount", "wrong mount"]
+)
 def test_errors_are_as_large_as_the_filter_says(config):
     """NEES of position, velocity and heading over flights drawn from the filter's own model.
 

@@ -23,7 +23,7 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(scope="module", params=["sim_racer", pytest.param("sim_px4", marks=pytest.mark.soak)])
 def identified(request, tmp_path_factory):
     """Vehicle file, mismatch, the flight, what was found, and the new file."""
     mismatch, gust, seed = CASES[request.param]
