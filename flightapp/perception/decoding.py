@@ -114,11 +114,12 @@ def code_templates(cells: Vector) -> Vector:
 
 
 @kernel
-def _smear(cells: Vector, code: Vector, parts: Vector, gram: Vector) -> None:
+def _smear(cells: Vector, code: Vector, glare: bool, parts: Vector, gram: Vector) -> None:
     """Fill ``parts`` (4, n, n) and ``gram`` (4, 4), their products, with what `_explain` fits.
 
     They are ``cells``, ``code`` and the means of its neighbours to the left and right, and above and below, all without
-    their means, slopes and bulges: light may fall off across a marker, or shine upon it. The paper around it is white.
+    their means and slopes, as light may fall off across a marker, and with ``glare`` without their bulges, as it may
+    shine upon it. The paper around it is white.
     """
     n = cells.shape[0]
     for i in range(n):
@@ -136,7 +137,8 @@ def _smear(cells: Vector, code: Vector, parts: Vector, gram: Vector) -> None:
             for j in range(n):
                 across += parts[k, i, j] * (j - middle) / spread
                 down += parts[k, i, j] * (i - middle) / spread
-                bulge += parts[k, i, j] * ((i - middle) ** 2 + (j - middle) ** 2 - level) / bulging
+                if glare:
+                    bulge += parts[k, i, j] * ((i - middle) ** 2 + (j - middle) ** 2 - level) / bulging
         for i in range(n):
             for j in range(n):
                 round_ = (i - middle) ** 2 + (j - middle) ** 2 - level
@@ -147,14 +149,14 @@ def _smear(cells: Vector, code: Vector, parts: Vector, gram: Vector) -> None:
 
 
 @kernel
-def _explain(cells: Vector, code: Vector, parts: Vector, weights: Vector) -> float:
+def _explain(cells: Vector, code: Vector, glare: bool, parts: Vector, weights: Vector) -> float:
     """How well ``code`` (n, n), smeared along rows and columns, explains ``cells`` (n, n): the multiple correlation.
 
     The code and its neighbours' means get the ``weights`` (4,), from the second on, of least squares that are not
     negative (coordinate descent); what they leave unexplained goes into the first of ``parts`` (4, n, n).
     """
     gram = np.empty((4, 4))
-    _smear(cells, code, parts, gram)
+    _smear(cells, code, glare, parts, gram)
     weights[:] = 0.0
     for _ in range(SWEEPS):
         for k in range(1, 4):
@@ -191,13 +193,13 @@ def _likeliest_flip(left: Vector, code: Vector, weights: Vector) -> float:
 
 
 @kernel
-def recognise(cells: Vector, templates: Vector, codes: Vector, reading: Vector) -> float:
+def recognise(cells: Vector, templates: Vector, codes: Vector, glare: bool, reading: Vector) -> float:
     """What ``cells`` (n, n) show, into ``reading``: the code's index, its fit, its worst cell and its doubt.
 
-    ``codes`` (k, n, n) are `bordered_codes`, ``templates`` theirs. The fit is a multiple correlation, the worst cell
-    the part of the contrast that is unexplained there. A fit of 0 is none. The doubt grows with what is unexplained
-    and with `_likeliest_flip`, and falls with the lead over the fit of the best code of another marker. Returns the
-    contrast of black and white.
+    With ``glare`` a light may shine upon them. ``codes`` (k, n, n) are `bordered_codes`, ``templates`` theirs. The fit
+    is a multiple correlation, the worst cell the part of the contrast that is unexplained there. A fit of 0 is none.
+    The doubt grows with what is unexplained and with `_likeliest_flip`, and falls with the lead over the fit of the
+    best code of another marker. Returns the contrast of black and white.
     """
     scores, mean = np.zeros(templates.shape[1]), cells.mean()
     squares, flat = 0.0, cells.ravel()
@@ -215,8 +217,8 @@ def recognise(cells: Vector, templates: Vector, codes: Vector, reading: Vector) 
         if k // 4 != best // 4 and (other < 0 or scores[k] > scores[other]):
             other = k
     parts, weights = np.empty((4, *cells.shape)), np.zeros(4)
-    rival = _explain(cells, codes[other], parts, weights) if other >= 0 else 0.0
-    fit = _explain(cells, codes[best], parts, weights)
+    rival = _explain(cells, codes[other], glare, parts, weights) if other >= 0 else 0.0
+    fit = _explain(cells, codes[best], glare, parts, weights)
     contrast: float = weights.sum()
     if fit > 0.0:
         flip = _likeliest_flip(parts[0], codes[best], weights)

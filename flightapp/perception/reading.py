@@ -35,6 +35,8 @@ SMALL = 3.3
 """px of a cell, below which a marker's sides are not seen by themselves."""
 SIMPLE = np.array((0.97, 0.15, 1.0, 0.45))
 """What `simple_codes` must keep to as well."""
+GLARE = (0.985, 0.11, -0.1, 0.45)
+"""What a reading must keep to that only a light explains which shines upon the marker."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +74,24 @@ def read_markers(
 
 
 @kernel
-def _keeps_to(reading: Vector, limits: Vector) -> bool:
+def _keeps_to(reading: Vector, limits: Limits | tuple[float, float, float, float]) -> bool:
     good = reading[FIT] >= limits[0] and reading[WORST] <= limits[1]
     return bool(good and reading[DOUBT] <= limits[2] and reading[RIM] >= limits[3])
+
+
+@kernel
+def _make_out(cells: Vector, rim: float, templates: Vector, codes: Vector, limits: Vector, reading: Vector) -> float:
+    """What ``cells`` (n, n) show, into ``reading`` (14,); the contrast, 0 for nothing that keeps to ``limits``.
+
+    ``rim`` is how many grey levels the paper is brighter than the border.
+    """
+    contrast = recognise(cells, templates, codes, False, reading)
+    reading[RIM] = rim / max(contrast, 1e-9)
+    if _keeps_to(reading, limits):
+        return contrast
+    contrast = recognise(cells, templates, codes, True, reading)
+    reading[RIM] = rim / max(contrast, 1e-9)
+    return contrast if _keeps_to(reading, GLARE) else 0.0
 
 
 @kernel
@@ -88,16 +105,13 @@ def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, lim
     width = refine_corners(image, quad, modules, refined)
     if math.isnan(width) or not (read_cells(image, refined, PROBES, cells) and has_border(cells)):
         return False
-    contrast = recognise(cells, templates, codes, reading)
-    if not reading[FIT] > 0.0:
-        return False
     dark, n = 0.0, modules - 1
     for i in range(n):
         dark += (cells[0, i] + cells[i, n] + cells[n, n - i] + cells[n - i, 0]) / (4 * n)
-    reading[RIM] = (rim_brightness(image, refined, modules) - dark) / contrast
-    reading[WIDTH] = width
-    if not _keeps_to(reading, limits):
+    contrast = _make_out(cells, rim_brightness(image, refined, modules) - dark, templates, codes, limits, reading)
+    if not contrast > 0.0:
         return False
+    reading[WIDTH] = width
     if quad_area(refined) < (SMALL * modules) ** 2:
         fit_picture(image, refined.copy(), codes[int(reading[CODE])], dark, dark + contrast, width, refined)
     for k in range(8):
