@@ -25,11 +25,8 @@ from flightapp.track import Track
 SMALLEST_IMAGE = 12
 """px, side of an image in which nothing can be found."""
 
-SURE = np.array((0.94, 0.22, 0.36, 0.1))
-"""What a reading keeps to that is believed anywhere: see `reading.Limits`."""
-
-EXPECTED = np.array((0.93, 0.24, 0.40, 0.1))
-"""The same where the map expects markers."""
+LIMITS = np.array((0.94, 0.22, 0.36, 0.1))
+"""What a reading keeps to that is believed: see `reading.Limits`."""
 
 DONE_SHARE = 1.0 / 64.0
 """A region of which a marker fills this part has shown what was expected there."""
@@ -53,8 +50,8 @@ class ArucoDetector:
         """The track's markers in ``frame``, each at most once, by id.
 
         ``regions`` are (4,) boxes x0, y0, x1, y1 in pixels where the map expects one marker each, None for the
-        whole image; they may overlap and reach out of the image. Readings that are not beyond doubt are believed in
-        them alone. A region in which a large marker has been found isn't searched for small ones.
+        whole image; they may overlap and reach out of the image. A region in which a large marker has been found
+        isn't searched for small ones.
         The image may be (h, w), (h, w, 1), BGR or BGRA; ValueError if it is not of bytes. A frame without an image
         has been searched by its camera, whose markers are passed on.
         """
@@ -70,15 +67,15 @@ class ArucoDetector:
         if min(x1 - x0, y1 - y0) < SMALLEST_IMAGE:
             return ()
         part = grey_image(frame.image[y0:y1, x0:x1])
-        offsets, limits = (WHOLE, SURE) if regions is None else (REGION, EXPECTED)
+        offsets = WHOLE if regions is None else REGION
         means, origin = means_of(part), np.array((x0, y0))
-        found = read_markers(part, means, _moved(boxes, x0, y0), 2, offsets[1], limits, self._codes, _NONE)
+        found = read_markers(part, means, _moved(boxes, x0, y0), 2, offsets[1], LIMITS, self._codes, _NONE)
         quads = np.ascontiguousarray(found[:, CORNERS:]).reshape(-1, 4, 2)
         if regions is not None:
             boxes = merge_regions(_open_regions(regions, quads + origin), width, height)
         if boxes:
             inner = _moved(boxes, x0, y0)
-            more = read_markers(part, means, inner, 1, offsets[0], limits, self._codes, quads)
+            more = read_markers(part, means, inner, 1, offsets[0], LIMITS, self._codes, quads)
             found = np.concatenate((found, more))
         return self._known_markers(found, origin)
 
