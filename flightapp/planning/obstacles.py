@@ -42,8 +42,8 @@ class Margins:
     frame: float
     """m beyond it, from the frames of gates."""
     sigmas: float = 0.0
-    """Standard deviations of a gate's place by which its frame counts as wider, on the outside: what is left of the
-    opening is for those to keep who fly through it."""
+    """Standard deviations of a gate's place by which its frame counts as wider on the outside; on the inside the
+    targets of plans see to it."""
 
     @classmethod
     def of(cls, config: Config) -> "Margins":
