@@ -139,10 +139,10 @@ class Service:
     # Flights, in the main thread.
 
     def _next(self, server: ControlServer) -> _Job | None:
-        """The next that is asked for, None at the end; meanwhile the watchdog is told of this loop's health and the
-        server's.
+        """The next that is asked for, None at the end.
 
-        What a signal raises is lost where it comes amid a destructor: the end is looked for here, too.
+        Meanwhile the watchdog is told of this loop's health and the server's. What a signal raises is lost where it
+        comes amid a destructor, so the end is looked for here, too.
         """
         while not self._stopping:
             try:

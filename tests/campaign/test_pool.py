@@ -1,11 +1,10 @@
 """Work in processes, some of which die."""
 
-import time
 from multiprocessing import get_context
-from pathlib import Path
 
 import fates
 import pytest
+from processes import ended, wait_until
 
 from flightapp.campaign.pool import TIDIED, Lost, work
 
@@ -41,23 +40,7 @@ def test_processes_do_not_outlive_the_one_that_asks(tmp_path):
     note = tmp_path / "pid"
     asking = get_context("spawn").Process(target=fates.ask_to_linger, args=(note,))
     asking.start()
-    wait_until(lambda: note.exists() and note.read_text(encoding="utf-8"))
+    wait_until(lambda: note.exists() and note.read_text(encoding="utf-8"), 20.0)
     asking.kill()
     asking.join()
-    wait_until(lambda: gone(int(note.read_text(encoding="utf-8"))))
-
-
-def gone(pid):
-    """Whether the process ``pid`` has ended."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
-
-
-def wait_until(condition):
-    """Wait until ``condition()``, 20 s at most."""
-    end = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
+    wait_until(lambda: ended(int(note.read_text(encoding="utf-8"))))

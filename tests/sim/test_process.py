@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import ended, wait_until
 
 from flightapp.config import load_config
 from flightapp.inputs import BadInputError
@@ -52,21 +53,6 @@ def left_open():
 def on_the_wall(coroutine):
     with asyncio.Runner(loop_factory=RealtimeLoop) as runner:
         return runner.run(coroutine)
-
-
-def ended(process_id):
-    """Whether it has ended, if only its parent hasn't noticed yet."""
-    try:
-        return Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
-
-
-def wait_until(condition, timeout=5.0):
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.02)
 
 
 def test_poses_images_and_truth_arrive_with_the_applications_stamps():
@@ -122,7 +108,7 @@ def test_poses_images_and_truth_arrive_with_the_applications_stamps():
 def test_the_process_ends_with_its_parent():
     code = (
         "import asyncio, os, sys, time\n"
-        "sys.path.insert(0, os.environ['TESTS'])\n"
+        "sys.path[:0] = os.environ['TESTS'].split(':')\n"
         "from test_process import RemoteWorld, on_the_wall, order\n"
         "async def main():\n"
         "    world = RemoteWorld(order())\n"
@@ -130,7 +116,7 @@ def test_the_process_ends_with_its_parent():
         "    time.sleep(60)\n"
         "on_the_wall(main())\n"
     )
-    environment = os.environ | {"TESTS": str(Path(__file__).parent)}
+    environment = os.environ | {"TESTS": ":".join(map(str, Path(__file__).parents[:2]))}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=environment) as parent:
         child = int(parent.stdout.readline())
         assert not ended(child)
