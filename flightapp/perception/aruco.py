@@ -25,7 +25,7 @@ from flightapp.track import Track
 SMALLEST_IMAGE = 12
 """px, side of an image in which nothing can be found."""
 
-LIMITS = np.array((0.94, 0.22, 0.36, 0.1))
+LIMITS = np.array((0.94, 0.22, 0.28, 0.1))
 """What a reading keeps to that is believed: see `reading.Limits`."""
 
 DONE_SHARE = 1.0 / 64.0

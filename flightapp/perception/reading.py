@@ -33,8 +33,10 @@ Limits = Vector
 
 SMALL = 3.3
 """px of a cell, below which a marker's sides are not seen by themselves."""
-SIMPLE = np.array((0.97, 0.15, 1.0, 0.45))
+SIMPLE = np.array((0.98, 0.11, 0.0, 0.45))
 """What `simple_codes` must keep to as well."""
+SHARP, SHARP_DOUBT = 0.2, 0.05
+"""Width of the edges in cells, below which neighbouring cells hardly mix, and the most doubt that is then left."""
 GLARE = (0.985, 0.11, -0.1, 0.45)
 """What a reading must keep to that only a light explains which shines upon the marker."""
 
@@ -80,14 +82,26 @@ def _keeps_to(reading: Vector, limits: Limits | tuple[float, float, float, float
 
 
 @kernel
-def _make_out(cells: Vector, rim: float, templates: Vector, codes: Vector, limits: Vector, reading: Vector) -> float:
+def _narrow(quad: Vector) -> float:
+    """px, width of a ``quad`` (4, 2) across its longest side."""
+    longest2 = 1e-9
+    for k in range(4):
+        dx, dy = quad[(k + 1) % 4, 0] - quad[k, 0], quad[(k + 1) % 4, 1] - quad[k, 1]
+        longest2 = max(longest2, dx * dx + dy * dy)
+    return quad_area(quad) / math.sqrt(longest2)
+
+
+@kernel
+def _make_out(
+    cells: Vector, rim: float, sharp: bool, templates: Vector, codes: Vector, limits: Vector, reading: Vector
+) -> float:
     """What ``cells`` (n, n) show, into ``reading`` (14,); the contrast, 0 for nothing that keeps to ``limits``.
 
-    ``rim`` is how many grey levels the paper is brighter than the border.
+    ``rim`` is how many grey levels the paper is brighter than the border; ``sharp`` cells leave hardly any doubt.
     """
     contrast = recognise(cells, templates, codes, False, reading)
     reading[RIM] = rim / max(contrast, 1e-9)
-    if _keeps_to(reading, limits):
+    if _keeps_to(reading, limits) and not (sharp and reading[DOUBT] > SHARP_DOUBT):
         return contrast
     contrast = recognise(cells, templates, codes, True, reading)
     reading[RIM] = rim / max(contrast, 1e-9)
@@ -108,7 +122,8 @@ def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, lim
     dark, n = 0.0, modules - 1
     for i in range(n):
         dark += (cells[0, i] + cells[i, n] + cells[n, n - i] + cells[n - i, 0]) / (4 * n)
-    contrast = _make_out(cells, rim_brightness(image, refined, modules) - dark, templates, codes, limits, reading)
+    rim, sharp = rim_brightness(image, refined, modules) - dark, width < SHARP * _narrow(refined) / modules
+    contrast = _make_out(cells, rim, sharp, templates, codes, limits, reading)
     if not contrast > 0.0:
         return False
     reading[WIDTH] = width
