@@ -3,6 +3,7 @@
 Stamps are monotonic seconds at *capture*. Frames and rotations are those of `frames`.
 """
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
@@ -22,6 +23,8 @@ class MarkerDetection:
     quality: float = 1.0
     """Of the reading, 0 to 1: the part of the contrast between black and white that is as the code wants it in the
     worst cell."""
+    noise: float = math.nan
+    """px, standard deviation of a corner that the detector expects; NaN where it does not tell."""
 
 
 @dataclass(frozen=True, slots=True)

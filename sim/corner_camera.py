@@ -13,7 +13,7 @@ from flightapp.frames import Vector
 from flightapp.jit import kernel
 from flightapp.messages import MarkerDetection
 from flightapp.perception.camera import CameraModel
-from sim.detector_model import WRONG, bowed_corners, chance_found, corner_scatter, marker_look
+from sim.detector_model import WRONG, bowed_corners, chance_found, corner_scatter, marker_look, noise_told
 from sim.render import PoseAt, camera_poses, ray_grid
 from sim.scene import Quads, Scene
 
@@ -91,8 +91,9 @@ def _observe(
     chance: Vector,
     scatter: Vector,
     out: Vector,
+    noise: Vector,
 ) -> NDArray[np.bool_]:
-    """Which markers are found, (m,); their corners go to ``out`` (m, 4, 2).
+    """Which markers are found, (m,); their corners go to ``out`` (m, 4, 2), what noise they are told with to ``noise``.
 
     ``pixels`` (3, m, 8, 2) and ``rays`` (m, 8, 3) m, camera frame, of corners and middles of sides at the start,
     middle and end of the exposure, and in its middle; ``margins`` (m, 9, 3) m, world, the points that must not be
@@ -121,6 +122,7 @@ def _observe(
             continue
         found[m] = True
         bowed_corners(pixels[1, m], out[m])
+        noise[m] = noise_told(look, cells)
         good, wrong = corner_scatter(look, cells)
         for i in range(4):
             sigma = wrong if chance[m, i] < WRONG else good
@@ -162,7 +164,7 @@ class CornerCamera:
         R_wc, centres = camera_poses(self._camera, pose_at, ends)
         rays = _to_camera(self._points, R_wc, centres)
         pixels = self._camera.project(rays).reshape(3, m, POINTS, 2)
-        corners = np.empty((m, 4, 2))
+        corners, noise = np.empty((m, 4, 2)), np.empty(m)
         found = _observe(
             pixels,
             rays.reshape(3, m, POINTS, 3)[1],
@@ -177,5 +179,6 @@ class CornerCamera:
             chance,
             scatter,
             corners,
+            noise,
         )
-        return tuple(MarkerDetection(self._ids[i], corners[i]) for i in np.flatnonzero(found))
+        return tuple(MarkerDetection(self._ids[i], corners[i], noise=noise[i]) for i in np.flatnonzero(found))

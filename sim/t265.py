@@ -98,6 +98,10 @@ class T265Errors:
     """Samples, mean length of a lost run (assumption)."""
     latency: tuple[float, float] = (0.004, 0.008)
     """s, least and greatest (6 ms from motion to output by the data sheet)."""
+    start_position: float = 0.003
+    """m on each axis, by which the vehicle is put down beside the start (assumption: by hand, on a mark)."""
+    start_yaw: float = 0.002
+    """rad, by which its heading is off there (assumption: likewise)."""
 
 
 @inlined
@@ -149,7 +153,7 @@ def _measure(
     climb_rate = -m[_CLIMB] * math.exp(-m[_DISTANCE] / m[_EXCITATION]) * speed * min(speed, m[_CLIMB_SPEED]) ** 2
     if m[_STAMP] == -math.inf:
         for i in range(3):
-            m[_POSITION + i] = position[i]
+            m[_POSITION + i] += position[i]
     else:
         _move(m, stamp, position, climb_rate, noise)
     m[_STAMP] = stamp
@@ -167,7 +171,8 @@ def _measure(
 class T265:
     """The model with its state; one instance is one flight.
 
-    Its odom frame lies on the world frame at the first sample, as after alignment with the known start.
+    Its odom frame lies on the world frame at the first sample, as after alignment with the start, but for what the
+    vehicle was put down beside it.
     """
 
     def __init__(self, seed: int | np.random.SeedSequence, errors: T265Errors | None = None) -> None:
@@ -178,6 +183,8 @@ class T265:
         m[_SCALE] = 1.0 + self._random.normal(e.scale_mean, e.scale)
         m[_CLIMB] = e.climb * self._random.normal(1.0, e.climb_spread)
         m[_TILT : _TILT + 2] = self._random.normal(0.0, e.tilt, 2)
+        m[_POSITION : _POSITION + 3] = self._random.normal(0.0, e.start_position, 3)
+        m[_YAW] = self._random.normal(0.0, e.start_yaw)
         m[_CLIMB_SPEED], m[_EXCITATION], m[_YAW_WALK] = e.climb_speed, e.excitation, e.yaw_walk
         m[_POSITION_WALK], m[_TILT_TIME], m[_TILT_SIZE] = e.position_walk, e.tilt_time, e.tilt
         m[_POSITION_NOISE], m[_VELOCITY_NOISE] = e.position_noise, e.velocity_noise

@@ -17,7 +17,7 @@ MOTIONS, PASSAGE, COLLISION, ARRIVALS = b"m", b"p", b"c", b"a"
 _MOTION = 14
 """Numbers of a motion: stamp, position, orientation, velocity, angular velocity."""
 _STAMP, _PASSAGE, _COLLISION, _NOTICE = Struct("<d"), Struct("<dqd"), Struct("<dd"), Struct("<dqq")
-_MARKER = np.dtype([("id", "<i8"), ("corners", "<f8", (4, 2))])
+_MARKER = np.dtype([("id", "<i8"), ("corners", "<f8", (4, 2)), ("noise", "<f8")])
 NO_IMAGE = -1
 NOTICE_SIZE = 1 << 16
 """Bytes that hold every notice."""
@@ -79,6 +79,7 @@ def pack_notice(notice: Notice) -> bytes:
     rows = np.empty(len(notice.markers), _MARKER)
     rows["id"] = [marker.marker_id for marker in notice.markers]
     rows["corners"] = [marker.corners for marker in notice.markers]
+    rows["noise"] = [marker.noise for marker in notice.markers]
     return head + rows.tobytes()
 
 
@@ -87,5 +88,6 @@ def unpack_notice(datagram: bytes) -> Notice:
     stamp, sequence, slot = _NOTICE.unpack_from(datagram)
     rows = np.frombuffer(datagram, _MARKER, offset=_NOTICE.size)
     corners: Vector = rows["corners"].copy()
-    found = (MarkerDetection(int(i), c) for i, c in zip(rows["id"], corners, strict=True))
+    each = zip(rows["id"], corners, rows["noise"], strict=True)
+    found = (MarkerDetection(int(i), c, noise=float(noise)) for i, c, noise in each)
     return Notice(stamp, sequence, slot, tuple(found))

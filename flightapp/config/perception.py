@@ -18,7 +18,7 @@ class Detection(Section):
         0.2,
         gt=0.01,
         le=10.0,
-        description="px, standard deviation of a corner, as expected before a gate is fitted to it",
+        description="px, standard deviation of a corner, for detectors that do not tell what they expect",
     )
     max_reprojection: Finite = Field(2.5, gt=0.1, le=50.0, description="px RMS, above it a sighting is refused")
     max_distance: Finite = Field(12.0, gt=0.5, le=100.0, description="m, beyond it a sighting is refused")
@@ -42,7 +42,7 @@ class Estimation(Section):
     slip_across: Finite = Field(0.002, ge=0.0, le=0.5, description="its horizontal velocity error, share of the speed")
     slip_time: Finite = Field(0.3, gt=0.01, le=100.0, description="s, time constant with which that changes")
     slip_up: Finite = Field(0.025, ge=0.0, le=1.0, description="s²/m², its vertical velocity error per cubed speed")
-    slip_up_time: Finite = Field(20.0, gt=0.01, le=1e4, description="s, time constant with which that changes")
+    slip_up_time: Finite = Field(100.0, gt=0.01, le=1e4, description="s, time constant with which that changes")
     slip_fades: Finite = Field(5.0, gt=0.1, le=1e6, description="m flown until the vertical one has faded to 1/e")
     tilt_error: Finite = Field(0.005, gt=0.0, le=0.2, description="rad, the tracker's error of roll and pitch")
     tilt_time: Finite = Field(5.0, gt=0.1, le=1000.0, description="s, time constant with which that changes")
@@ -61,8 +61,12 @@ class GateMapping(Section):
     attitude_error: Finite = Field(0.004, ge=0.0, le=0.2, description="rad, of the camera's mount on the tracker")
     range_error: Finite = Field(0.004, ge=0.0, le=0.2, description="share of the distance, of the camera's calibration")
     sync_error: Finite = Field(0.001, ge=0.0, le=0.1, description="s, between the stamps of camera and tracker")
-    correlation_time: Finite = Field(0.1, ge=0.0, le=10.0, description="s during which what remains stays the same")
-    same_view: Finite = Field(0.03, ge=0.0, le=1.0, description="rad by which a view must change for other errors")
+    correlation_time: Finite = Field(
+        0.1, ge=0.0, le=10.0, description="s, at least, in which errors of the lens stay the same"
+    )
+    same_view: Finite = Field(
+        0.03, ge=0.0, le=1.0, description="rad by which a view must change for other errors of the lens"
+    )
     moved_after: int = Field(15, ge=2, le=1000, description="refused sightings in a row that make a gate a moved one")
     gate: Finite = Field(16.0, gt=1.0, le=100.0, description="χ² (4 dof) beyond which a sighting is refused")
     gate_walk: Finite = Field(0.0, ge=0.0, le=1.0, description="m/√s, by which gates wander")

@@ -17,7 +17,7 @@ from flightapp.messages import Frame, MarkerDetection
 from flightapp.perception.decoding import marker_codes
 from flightapp.perception.grey import check_image, grey_image
 from flightapp.perception.quads import REGION, WHOLE
-from flightapp.perception.reading import CODE, CORNERS, WORST, Codes, read_markers
+from flightapp.perception.reading import CODE, CORNERS, NOISE, WORST, Codes, read_markers
 from flightapp.perception.regions import Box, merge_regions
 from flightapp.perception.threshold import means_of
 from flightapp.track import Track
@@ -87,7 +87,7 @@ class ArucoDetector:
             quality = 1.0 - float(row[WORST])
             if marker_id in self._known and (marker_id not in best or quality > best[marker_id].quality):
                 corners = row[CORNERS:].reshape(4, 2)[(_ORDER + 4 - turns) & 3] + origin
-                best[marker_id] = MarkerDetection(marker_id, corners, quality)
+                best[marker_id] = MarkerDetection(marker_id, corners, quality, float(row[NOISE]))
         return tuple(best[marker_id] for marker_id in sorted(best))
 
 

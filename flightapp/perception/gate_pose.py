@@ -179,7 +179,8 @@ class GatePoseSolver:
 
     def __init__(self, config: Config, track: Track, camera: CameraModel) -> None:
         limits = config.detection
-        self._limits = np.array((limits.corner_noise, limits.max_reprojection, limits.max_distance))
+        self._limits = limits.max_reprojection, limits.max_distance
+        self._noise = limits.corner_noise
         self._suspect = SUSPECT * limits.corner_noise
         self._camera = camera
         self._shape = track.gate.marker_corners()
@@ -190,7 +191,7 @@ class GatePoseSolver:
             for index, gate in enumerate(track.passage)
             for slot, marker_id in enumerate(gate.markers)
         }
-        self._solve(np.zeros((4, 2)), [0])
+        self._solve(np.zeros((4, 2)), [0], self._noise)
 
     def solve(self, stamp: float, markers: Sequence[MarkerDetection]) -> tuple[GateSighting, ...]:
         """Sightings, in the track's order, of the gates that ``markers`` of the exposure at ``stamp`` show.
@@ -199,22 +200,27 @@ class GatePoseSolver:
         ``detection.max_distance`` or that show their markers from behind. Markers with corners that are not
         finite, or that no gate carries, are ignored; of two with one id the first counts.
         """
-        seen: dict[tuple[int, int], Vector] = {}
+        seen: dict[tuple[int, int], MarkerDetection] = {}
         for marker in markers:
             place = self._places.get(marker.marker_id)
             if place is not None and place not in seen and all(map(math.isfinite, marker.corners.flat)):
-                seen[place] = marker.corners
+                seen[place] = marker
         sightings = []
         for index in sorted({index for index, _ in seen}):
             slots = sorted(slot for gate, slot in seen if gate == index)
-            pixels = np.concatenate([seen[index, slot] for slot in slots])
-            sighting = self._gate(stamp, self._ids[index], pixels, slots)
+            shown = [seen[index, slot] for slot in slots]
+            sighting = self._gate(stamp, self._ids[index], shown, slots)
             if sighting is not None:
                 sightings.append(sighting)
         return tuple(sightings)
 
-    def _gate(self, stamp: float, gate_id: int, pixels: Vector, slots: list[int]) -> GateSighting | None:
-        verdict, out, corners, squares = self._solve(pixels, slots)
+    def _gate(
+        self, stamp: float, gate_id: int, markers: Sequence[MarkerDetection], slots: list[int]
+    ) -> GateSighting | None:
+        noises = [self._noise if math.isnan(marker.noise) else marker.noise for marker in markers]
+        noise = math.sqrt(sum(noise * noise for noise in noises) / len(noises))
+        pixels = np.concatenate([marker.corners for marker in markers])
+        verdict, out, corners, squares = self._solve(pixels, slots, noise)
         if verdict == 0:
             return None
         return GateSighting(
@@ -228,13 +234,17 @@ class GatePoseSolver:
             reprojection=math.sqrt(squares / corners),
         )
 
-    def _solve(self, pixels: Vector, slots: list[int]) -> tuple[int, Vector, int, float]:
-        """`_sighted` of the markers in ``slots`` at ``pixels`` (n, 2), the number of corners used, their error."""
+    def _solve(self, pixels: Vector, slots: list[int], noise: float) -> tuple[int, Vector, int, float]:
+        """`_sighted` of the markers in ``slots`` at ``pixels`` (n, 2), the number of corners used, their error.
+
+        Corners are expected to scatter by ``noise`` (px).
+        """
         rays = self._camera.bearings(pixels)
         points = self._shape[slots].reshape(-1, 3)
         fits, count, corners = self._without_outlier(points, rays, corner_weights(self._camera, rays))
         out = np.empty(_SIGHTING)
-        verdict = _sighted(fits, count, corners, self._limits, self._R_bc, self._p_bc, out)
+        limits = np.array((noise, *self._limits))
+        verdict = _sighted(fits, count, corners, limits, self._R_bc, self._p_bc, out)
         return verdict, out, corners, float(fits[0, _SQUARES])
 
     def _without_outlier(self, points: Vector, rays: Vector, weights: Vector) -> tuple[Vector, int, int]:

@@ -21,7 +21,7 @@ _GATE_FIELDS = {
     "surveyed": -1,
 }
 _DRIFT_FIELDS = {"stamp": 0, "translation": 3, "yaw": 0, "covariance": 16}
-_MARKER_FIELDS = {"marker_id": -1, "corners": 8, "quality": 0}
+_MARKER_FIELDS = {"marker_id": -1, "corners": 8, "quality": 0, "noise": 0}
 _SIGHTING_FIELDS = {
     **{"stamp": 0, "gate_id": -1, "position": 3, "orientation": 4, "covariance": 36, "markers": -1},
     "reprojection": 0,
@@ -94,7 +94,10 @@ def _encode_sightings(m: Sightings) -> bytes:
     for marker in m.markers:
         parts += (
             _MARKER_PREFIX,
-            _MARKER.pack(t[0], marker.marker_id, t[1], *marker.corners.ravel().tolist(), t[2], marker.quality),
+            _MARKER.pack(
+                *(t[0], marker.marker_id, t[1], *marker.corners.ravel().tolist()),
+                *(t[2], marker.quality, t[3], marker.noise),
+            ),
         )
     for gate in m.gates:
         parts += _encode_sighting(gate)
@@ -126,7 +129,8 @@ def _sighting(m: Any) -> GateSighting:
 
 def _sightings(m: Any) -> Sightings:
     markers = tuple(
-        MarkerDetection(marker.marker_id, _array(marker.corners, 4, 2), marker.quality) for marker in m.markers
+        MarkerDetection(marker.marker_id, _array(marker.corners, 4, 2), marker.quality, marker.noise)
+        for marker in m.markers
     )
     return Sightings(m.stamp, m.sequence, markers, tuple(map(_sighting, m.gates)))
 

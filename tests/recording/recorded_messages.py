@@ -63,7 +63,7 @@ def gate_map(rng, stamp):
 
 
 def sightings(rng, stamp):
-    marker = MarkerDetection(4, rng.normal(size=(4, 2)), 0.9)
+    marker = MarkerDetection(4, rng.normal(size=(4, 2)), 0.9, 0.12)
     motion = rng.normal(size=3), quat_from_yaw(0.3)
     clear = GateSighting(stamp, 0, *motion, np.eye(6), None, 4, 0.4)
     ambiguous = GateSighting(stamp, 1, *motion, np.eye(6), motion, 1, 0.9)
