@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flightapp.frames import Vector
 from flightapp.jit import kernel
+from flightapp.perception.boxes import Boxes
 from flightapp.perception.edges import Image, quad_area, sample, within
 from flightapp.perception.outlines import STEPS, follow, unpack, vertices_of
 from flightapp.perception.threshold import Bytes, marked_dark
@@ -219,34 +220,20 @@ def _blank(dark: Bytes, x0: int, y0: int, quad: Vector) -> None:
 
 
 @kernel
-def find_quads(
-    image: Image,
-    means: tuple[Image, Image, Image],
-    boxes: NDArray[np.int64],
-    scale: int,
-    offset: int,
-    modules: int,
-    known: Vector,
-    quads: Vector,
-) -> int:
+def find_quads(image: Image, boxes: Boxes, scale: int, offset: int, modules: int, known: Vector, quads: Vector) -> int:
     """Put the dark quads in ``boxes`` (b, 4) of ``image`` (h, w) into ``quads`` (k, 4, 2); how many there are.
 
-    Corners go clockwise, in pixels. ``means`` are the image's `Means`: half, near and wide; ``offset`` is of `WHOLE` or
-    `REGION`, ``modules`` those of a marker along a side. Blurred and large quads are found with ``scale`` 2, at half
-    the size; sharp and small ones with 1. The quads ``known`` (j, 4, 2) aren't looked into.
+    Corners go clockwise, in pixels. ``offset`` is of `WHOLE` or `REGION`, ``modules`` those of a marker along a side.
+    Blurred and large quads are found with ``scale`` 2, at half the size; sharp and small ones with 1. The quads
+    ``known`` (j, 4, 2) aren't looked into.
     """
-    half, near, wide = means
-    count, height, width = 0, half.shape[0], half.shape[1]
-    for b in range(boxes.shape[0]):
-        x0, y0, x1, y1 = boxes[b, 0] // 2, boxes[b, 1] // 2, boxes[b, 2], boxes[b, 3]
-        x2, y2 = min((x1 + 1) // 2, width), min((y1 + 1) // 2, height)
-        if x2 <= x0 or y2 <= y0:
+    count = 0
+    for box in boxes:
+        if min(box[2] - box[0], box[3] - box[1]) < SHORTEST_SIDE:
             continue
-        if scale == 2:
-            dark = marked_dark(half[y0:y2, x0:x2], wide[y0:y2, x0:x2], offset)
-        else:
-            dark = marked_dark(image[2 * y0 : y1, 2 * x0 : x1], near[y0:y2, x0:x2], offset)
+        dark, x0, y0 = marked_dark(image, box, scale, offset), box[0] // 2 * 2, box[1] // 2 * 2
+        if scale == 1:
             for quad in known:
-                _blank(dark, 2 * x0, 2 * y0, quad)
-        count = _add(image, dark, scale, 2 * x0, 2 * y0, modules, quads, count)
+                _blank(dark, x0, y0, quad)
+        count = _add(image, dark, scale, x0, y0, modules, quads, count)
     return count
