@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from flightapp.jit import inlined, kernel
 from flightapp.perception.threshold import Bytes
 
+Points = NDArray[np.int32]
+"""(k, 2) x, y."""
+
 VISITED = 16
 """Added to a vertex from which an outline has gone up."""
 
@@ -48,6 +51,20 @@ def vertices_of(dark: Bytes) -> Bytes:
 
 
 @inlined
+def left_edges(vertices: Bytes, found: NDArray[np.int64]) -> int:
+    """Put those of a row of ``vertices`` (w,) from which outlines go up a left edge into ``found`` (w,); how many.
+
+    Outlines that have gone up there are left out, and single pixels, which most are.
+    """
+    count = 0
+    for x in range(vertices.size - 1):
+        # Without a branch, as in `follow`.
+        found[count] = x
+        count += (vertices[x] & 28 == 8) & ((vertices[x] != 8) | (vertices[x + 1] & 9 != 0))
+    return count
+
+
+@inlined
 def follow(vertices: Bytes, steps: NDArray[np.int64], start: int, up: int, line: NDArray[np.int32]) -> int:
     """Follow the outline up from vertex ``start``, ``up`` from one to the next: its length, 0 if it is too long.
 
@@ -70,17 +87,43 @@ def follow(vertices: Bytes, steps: NDArray[np.int64], start: int, up: int, line:
 
 
 @kernel
-def unpack(line: NDArray[np.int32], count: int, width: int, points: NDArray[np.int32], box: NDArray[np.int64]) -> int:
+def unpack(line: NDArray[np.int32], count: int, width: int, points: Points, box: NDArray[np.int64]) -> int:
     """The vertices of ``line`` as ``points`` (k, 2) x, y, and the ``box`` about them; twice the area inside."""
-    box[0], box[1], box[2], box[3] = width, line.size, 0, 0
-    x, y, area2 = line[0] % width, line[0] // width, 0
+    before, area2 = line[count - 1], 0
+    x, y = before % width, before // width
+    box[0], box[1], box[2], box[3] = x, y, x, y
     for i in range(count):
+        step, before = line[i] - before, line[i]
+        across = step if -1 <= step <= 1 else 0
+        area2 -= 2 * across * y
+        x, y = x + across, y + (step > 1) - (step < -1)
         points[i, 0], points[i, 1] = x, y
         box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
-        step = line[(i + 1) % count] - line[i]
-        if abs(step) == 1:
-            area2 -= 2 * step * y
-            x += step
-        else:
-            y += 1 if step > 0 else -1
     return area2
+
+
+@kernel
+def hull_of(points: Points, count: int, top: int, bottom: int, hull: Points) -> int:
+    """Put the corners of the convex hull of ``points`` (k, 2) into ``hull`` (j, 2), clockwise; how many there are.
+
+    The points are of an outline from row ``top`` to row ``bottom``: its ends in each row are taken in turn (A. Andrew,
+    "Another efficient algorithm for convex hulls in two dimensions", 1979).
+    """
+    rows, corners = bottom - top + 1, 0
+    ends = np.empty((rows, 2), np.int32)
+    ends[:, 0], ends[:, 1] = np.iinfo(np.int32).max, -1
+    for i in range(count):
+        x, k = points[i, 0], points[i, 1] - top
+        ends[k, 0], ends[k, 1] = min(ends[k, 0], x), max(ends[k, 1], x)
+    for n in range(2 * rows):
+        k, side = (n, 1) if n < rows else (2 * rows - 1 - n, 0)
+        x, y = ends[k, side], top + k
+        while corners > 1:
+            ax, ay = hull[corners - 2, 0], hull[corners - 2, 1]
+            bx, by = hull[corners - 1, 0], hull[corners - 1, 1]
+            if (bx - ax) * (y - by) > (by - ay) * (x - bx):
+                break
+            corners -= 1
+        hull[corners, 0], hull[corners, 1] = x, y
+        corners += 1
+    return corners
