@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import inlined, kernel
+from flightapp.jit import inlined, kernel, lean_kernel
 
 Image = NDArray[np.uint8]
 
@@ -68,7 +68,7 @@ def sample(image: Image, x: float, y: float) -> float:
     return value
 
 
-@kernel
+@lean_kernel
 def quad_area(quad: Vector) -> float:
     """px², of a quad (4, 2) that goes clockwise in the image."""
     a, b, c, d = quad[0], quad[1], quad[2], quad[3]
@@ -117,7 +117,7 @@ def _edge(image: Image, x: float, y: float, nx: float, ny: float, reach: float) 
     return (middle - 0.5) * spacing - reach, (second / rise - middle * middle) * spacing * spacing
 
 
-@kernel
+@lean_kernel
 def _fit_side(
     image: Image, a: Vector, b: Vector, bend: float, reach: float, scans: int, least: int, lines: Vector
 ) -> tuple[float, float, float]:
@@ -190,7 +190,7 @@ def _fit_ends(image: Image, a: Vector, b: Vector, bend: float, reach: float, lin
                 lines[end, k] = far[end, k]
 
 
-@kernel
+@lean_kernel
 def _meet(p: Vector, q: Vector, corner: Vector) -> bool:
     """Put the point where two lines cross into ``corner``."""
     determinant = p[0] * q[1] - p[1] * q[0]

@@ -7,7 +7,7 @@ it are dark: where an outline goes on from there depends on that and on the way 
 import numpy as np
 from numpy.typing import NDArray
 
-from flightapp.jit import inlined, kernel
+from flightapp.jit import inlined, lean_kernel
 from flightapp.perception.threshold import Bytes
 
 Points = NDArray[np.int32]
@@ -20,8 +20,8 @@ VISITED = 16
 def _turns() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(128,) where to go on and the way there, x + 1000 y, from each vertex reached on each way.
 
-    Ways are right, down, left, up with the dark on the right; a vertex is told by `vertices_of`. Where the pixel ahead
-    on the right is bright the outline turns right, where both are dark left, else it goes straight on.
+    Ways are right, down, left, up with the dark on the right; a vertex is told by `mark_vertices`. Where the pixel
+    ahead on the right is bright the outline turns right, where both are dark left, else it goes straight on.
     """
     # The bits of the pixels ahead on the right and on the left.
     ahead = ((1, 8), (2, 1), (4, 2), (8, 4))
@@ -36,18 +36,16 @@ def _turns() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 _WAYS, STEPS = _turns()
 
 
-@kernel
-def vertices_of(dark: Bytes) -> Bytes:
-    """(h, w) of each pixel's upper left vertex; 0 in the first row and column.
+@lean_kernel
+def mark_vertices(dark: Bytes, vertices: Bytes) -> None:
+    """Fill ``vertices`` (h, w), of each pixel's upper left one, but for the first row and column, which are 0.
 
     1, 2, 4 and 8 where the pixels to its lower right, lower left, upper left and upper right are ``dark`` (h, w).
     """
-    out = np.zeros_like(dark)
     for y in range(1, dark.shape[0]):
-        above, below, row = dark[y - 1], dark[y], out[y]
+        above, below, row = dark[y - 1], dark[y], vertices[y]
         for x in range(1, row.size):
             row[x] = below[x] | below[x - 1] << 1 | above[x - 1] << 2 | above[x] << 3
-    return out
 
 
 @inlined
@@ -86,7 +84,7 @@ def follow(vertices: Bytes, steps: NDArray[np.int64], start: int, up: int, line:
     return count if count <= room else 0
 
 
-@kernel
+@lean_kernel
 def unpack(line: NDArray[np.int32], count: int, width: int, points: Points, box: NDArray[np.int64]) -> int:
     """The vertices of ``line`` as ``points`` (k, 2) x, y, and the ``box`` about them; twice the area inside."""
     before, area2 = line[count - 1], 0
@@ -102,16 +100,16 @@ def unpack(line: NDArray[np.int32], count: int, width: int, points: Points, box:
     return area2
 
 
-@kernel
-def hull_of(points: Points, count: int, top: int, bottom: int, hull: Points) -> int:
+@lean_kernel
+def hull_of(points: Points, count: int, top: int, bottom: int, ends: Points, hull: Points) -> int:
     """Put the corners of the convex hull of ``points`` (k, 2) into ``hull`` (j, 2), clockwise; how many there are.
 
     The points are of an outline from row ``top`` to row ``bottom``: its ends in each row are taken in turn (A. Andrew,
-    "Another efficient algorithm for convex hulls in two dimensions", 1979).
+    "Another efficient algorithm for convex hulls in two dimensions", 1979), and noted in ``ends`` (rows, 2).
     """
     rows, corners = bottom - top + 1, 0
-    ends = np.empty((rows, 2), np.int32)
-    ends[:, 0], ends[:, 1] = np.iinfo(np.int32).max, -1
+    for k in range(rows):
+        ends[k, 0], ends[k, 1] = np.iinfo(np.int32).max, -1
     for i in range(count):
         x, k = points[i, 0], points[i, 1] - top
         ends[k, 0], ends[k, 1] = min(ends[k, 0], x), max(ends[k, 1], x)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from flightapp.frames import Vector
-from flightapp.jit import fused_kernel, inlined, kernel
+from flightapp.jit import fused_kernel, inlined, kernel, lean_kernel
 from flightapp.linear import factor, substitute
 from flightapp.perception.edges import Image
 
@@ -63,7 +63,7 @@ def _shares(x: float, sigma: float, parts: Vector) -> tuple[int, int]:
     return first, end
 
 
-@kernel
+@lean_kernel
 def _homography(quad: Vector, n: int, H: Vector) -> bool:
     """Fill ``H`` (3, 3), from pixels to cells of the square of ``n`` cells a side whose corners are ``quad`` (4, 2)."""
     x0, y0, x1, y1 = quad[0, 0], quad[0, 1], quad[1, 0], quad[1, 1]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import kernel, lean_kernel
 from flightapp.perception.boxes import Boxes
 from flightapp.perception.edges import Image, quad_area, sample, within
-from flightapp.perception.outlines import STEPS, VISITED, Points, follow, hull_of, left_edges, unpack, vertices_of
+from flightapp.perception.outlines import STEPS, VISITED, Points, follow, hull_of, left_edges, mark_vertices, unpack
 from flightapp.perception.threshold import Bytes, marked_dark
 
 MOST_QUADS = 512
@@ -49,7 +49,7 @@ REGION = np.array((5, 4))
 """With these fainter ones too, for where there is little to search."""
 
 
-@kernel
+@lean_kernel
 def _farthest(hull: Points, count: int, a: int, b: int) -> int:
     """The corner furthest to the left of the line from corner ``a`` to ``b``, as seen in the image."""
     ax, ay = hull[a, 0], hull[a, 1]
@@ -62,7 +62,7 @@ def _farthest(hull: Points, count: int, a: int, b: int) -> int:
     return best
 
 
-@kernel
+@lean_kernel
 def _from(hull: Points, count: int, x2: int, y2: int) -> int:
     """The corner furthest from the point (``x2`` / 2, ``y2`` / 2)."""
     best, most = 0, -1
@@ -73,7 +73,7 @@ def _from(hull: Points, count: int, x2: int, y2: int) -> int:
     return best
 
 
-@kernel
+@lean_kernel
 def _inscribe(hull: Points, count: int, box: NDArray[np.int64], quad: Vector) -> bool:
     """Put the corners of a quad of locally largest area in the ``hull`` into ``quad`` (4, 2), clockwise.
 
@@ -96,7 +96,7 @@ def _inscribe(hull: Points, count: int, box: NDArray[np.int64], quad: Vector) ->
     return True
 
 
-@kernel
+@lean_kernel
 def _outlined(points: Points, count: int, step: int, quad: Vector) -> bool:
     """Whether outline runs along most of each side of ``quad`` (4, 2)."""
     perimeter = 0.0
@@ -123,7 +123,7 @@ def _outlined(points: Points, count: int, step: int, quad: Vector) -> bool:
     return True
 
 
-@kernel
+@lean_kernel
 def _contrasts(image: Image, quad: Vector, modules: int) -> bool:
     """Whether ``image`` is brighter outside each side of ``quad`` (4, 2) than inside."""
     for k in range(4):
@@ -143,7 +143,7 @@ def _contrasts(image: Image, quad: Vector, modules: int) -> bool:
     return True
 
 
-@kernel
+@lean_kernel
 def _is_new(quads: Vector, count: int) -> bool:
     """Whether quad ``count`` of ``quads`` (k, 4, 2) lies elsewhere than those before it."""
     quad = quads[count]
@@ -164,11 +164,13 @@ def _is_new(quads: Vector, count: int) -> bool:
 def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, quads: Vector, count: int) -> int:
     """Add the quads of ``dark``, which is ``image`` from (x0, y0) on made smaller by ``scale``; how many there are."""
     height, width = dark.shape
-    vertices, box, steps = vertices_of(dark), np.empty(4, np.int64), np.empty(128, np.int64)
+    vertices, box, steps = np.zeros_like(dark), np.empty(4, np.int64), np.empty(128, np.int64)
+    mark_vertices(dark, vertices)
     for k in range(128):
         steps[k] = STEPS[k] if abs(STEPS[k]) == 1 else width * (STEPS[k] // 1000)
     line, edges = np.empty(4 * (height + width), np.int32), np.empty(width, np.int64)
     points, hull = np.empty((line.size, 2), np.int32), np.empty((2 * height, 2), np.int32)
+    ends = np.empty((height, 2), np.int32)
     for y in range(2, height):
         row = vertices[y]
         for x in edges[: left_edges(row, edges)]:
@@ -184,7 +186,7 @@ def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, 
             if area2 < 2.0 * LEAST_FILL * across * down and length < LEAST_GAP * (across + down):
                 continue
             quad, step = quads[count], 1 + length // POINTS
-            corners = hull_of(points, length, box[1], box[3], hull)
+            corners = hull_of(points, length, box[1], box[3], ends, hull)
             if not _inscribe(hull, corners, box, quad) or not _outlined(points, length, step, quad):
                 continue
             for k in range(4):

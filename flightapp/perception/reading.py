@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import kernel, lean_kernel
 from flightapp.perception.boxes import merged, unfilled
 from flightapp.perception.decoding import (
     PROBES,
@@ -66,7 +66,7 @@ def read_markers(
     return _read(image, regions, offsets, done, limits, SIMPLE, codes.templates, codes.cells, codes.simple)
 
 
-@kernel
+@lean_kernel
 def _keeps_to(reading: Vector, limits: Limits | tuple[float, float, float, float]) -> bool:
     good = reading[FIT] >= limits[0] and reading[WORST] <= limits[1]
     return bool(good and reading[DOUBT] <= limits[2] and reading[RIM] >= limits[3])
