@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import kernel, lean_kernel
 from flightapp.perception.edges import Image, quad_area, sample, within
 
 PROBES = 3
@@ -37,7 +37,7 @@ RIM, LEAST_RIM = 0.45, 1.0
 """Modules, and at least px, from a marker's edge to where the paper around it is looked at."""
 
 
-@kernel
+@lean_kernel
 def read_cells(image: Image, quad: Vector, probes: int, cells: Vector) -> bool:
     """Brightness of the ``cells`` (n, n) of ``quad`` (4, 2) in ``image`` (h, w); False for one partly outside.
 
@@ -227,7 +227,7 @@ def recognise(cells: Vector, templates: Vector, codes: Vector, glare: bool, read
     return contrast
 
 
-@kernel
+@lean_kernel
 def rim_brightness(image: Image, quad: Vector, modules: int) -> float:
     """Grey level of the paper along the darkest side of a marker's ``quad`` (4, 2) of ``modules`` a side, near it."""
     least, area = 255.0, quad_area(quad)

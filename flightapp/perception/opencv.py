@@ -12,8 +12,8 @@ import numpy as np
 from flightapp.config import Config
 from flightapp.frames import Vector
 from flightapp.messages import Frame, MarkerDetection
+from flightapp.perception.boxes import merge_regions
 from flightapp.perception.grey import check_image, grey_image
-from flightapp.perception.regions import merge_regions
 from flightapp.track import Track
 
 SMALLEST_IMAGE = 16

@@ -7,8 +7,11 @@ it are dark: where an outline goes on from there depends on that and on the way 
 import numpy as np
 from numpy.typing import NDArray
 
-from flightapp.jit import inlined, kernel
+from flightapp.jit import inlined, lean_kernel
 from flightapp.perception.threshold import Bytes
+
+Points = NDArray[np.int32]
+"""(k, 2) x, y."""
 
 VISITED = 16
 """Added to a vertex from which an outline has gone up."""
@@ -17,8 +20,8 @@ VISITED = 16
 def _turns() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(128,) where to go on and the way there, x + 1000 y, from each vertex reached on each way.
 
-    Ways are right, down, left, up with the dark on the right; a vertex is told by `vertices_of`. Where the pixel ahead
-    on the right is bright the outline turns right, where both are dark left, else it goes straight on.
+    Ways are right, down, left, up with the dark on the right; a vertex is told by `mark_vertices`. Where the pixel
+    ahead on the right is bright the outline turns right, where both are dark left, else it goes straight on.
     """
     # The bits of the pixels ahead on the right and on the left.
     ahead = ((1, 8), (2, 1), (4, 2), (8, 4))
@@ -33,18 +36,30 @@ def _turns() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 _WAYS, STEPS = _turns()
 
 
-@kernel
-def vertices_of(dark: Bytes) -> Bytes:
-    """(h, w) of each pixel's upper left vertex; 0 in the first row and column.
+@lean_kernel
+def mark_vertices(dark: Bytes, vertices: Bytes) -> None:
+    """Fill ``vertices`` (h, w), of each pixel's upper left one, but for the first row and column, which are 0.
 
     1, 2, 4 and 8 where the pixels to its lower right, lower left, upper left and upper right are ``dark`` (h, w).
     """
-    out = np.zeros_like(dark)
     for y in range(1, dark.shape[0]):
-        above, below, row = dark[y - 1], dark[y], out[y]
+        above, below, row = dark[y - 1], dark[y], vertices[y]
         for x in range(1, row.size):
             row[x] = below[x] | below[x - 1] << 1 | above[x - 1] << 2 | above[x] << 3
-    return out
+
+
+@inlined
+def left_edges(vertices: Bytes, found: NDArray[np.int64]) -> int:
+    """Put those of a row of ``vertices`` (w,) from which outlines go up a left edge into ``found`` (w,); how many.
+
+    Outlines that have gone up there are left out, and single pixels, which most are.
+    """
+    count = 0
+    for x in range(vertices.size - 1):
+        # Without a branch, as in `follow`.
+        found[count] = x
+        count += (vertices[x] & 28 == 8) & ((vertices[x] != 8) | (vertices[x + 1] & 9 != 0))
+    return count
 
 
 @inlined
@@ -69,18 +84,44 @@ def follow(vertices: Bytes, steps: NDArray[np.int64], start: int, up: int, line:
     return count if count <= room else 0
 
 
-@kernel
-def unpack(line: NDArray[np.int32], count: int, width: int, points: NDArray[np.int32], box: NDArray[np.int64]) -> int:
+@lean_kernel
+def unpack(line: NDArray[np.int32], count: int, width: int, points: Points, box: NDArray[np.int64]) -> int:
     """The vertices of ``line`` as ``points`` (k, 2) x, y, and the ``box`` about them; twice the area inside."""
-    box[0], box[1], box[2], box[3] = width, line.size, 0, 0
-    x, y, area2 = line[0] % width, line[0] // width, 0
+    before, area2 = line[count - 1], 0
+    x, y = before % width, before // width
+    box[0], box[1], box[2], box[3] = x, y, x, y
     for i in range(count):
+        step, before = line[i] - before, line[i]
+        across = step if -1 <= step <= 1 else 0
+        area2 -= 2 * across * y
+        x, y = x + across, y + (step > 1) - (step < -1)
         points[i, 0], points[i, 1] = x, y
         box[0], box[1], box[2], box[3] = min(box[0], x), min(box[1], y), max(box[2], x), max(box[3], y)
-        step = line[(i + 1) % count] - line[i]
-        if abs(step) == 1:
-            area2 -= 2 * step * y
-            x += step
-        else:
-            y += 1 if step > 0 else -1
     return area2
+
+
+@lean_kernel
+def hull_of(points: Points, count: int, top: int, bottom: int, ends: Points, hull: Points) -> int:
+    """Put the corners of the convex hull of ``points`` (k, 2) into ``hull`` (j, 2), clockwise; how many there are.
+
+    The points are of an outline from row ``top`` to row ``bottom``: its ends in each row are taken in turn (A. Andrew,
+    "Another efficient algorithm for convex hulls in two dimensions", 1979), and noted in ``ends`` (rows, 2).
+    """
+    rows, corners = bottom - top + 1, 0
+    for k in range(rows):
+        ends[k, 0], ends[k, 1] = np.iinfo(np.int32).max, -1
+    for i in range(count):
+        x, k = points[i, 0], points[i, 1] - top
+        ends[k, 0], ends[k, 1] = min(ends[k, 0], x), max(ends[k, 1], x)
+    for n in range(2 * rows):
+        k, side = (n, 1) if n < rows else (2 * rows - 1 - n, 0)
+        x, y = ends[k, side], top + k
+        while corners > 1:
+            ax, ay = hull[corners - 2, 0], hull[corners - 2, 1]
+            bx, by = hull[corners - 1, 0], hull[corners - 1, 1]
+            if (bx - ax) * (y - by) > (by - ay) * (x - bx):
+                break
+            corners -= 1
+        hull[corners, 0], hull[corners, 1] = x, y
+        corners += 1
+    return corners

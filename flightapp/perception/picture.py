@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import fused_kernel, inlined, kernel, lean_kernel
 from flightapp.linear import factor, substitute
 from flightapp.perception.edges import Image
 
@@ -37,33 +37,33 @@ SLOPES = np.exp(-0.5 * _AT**2) / math.sqrt(2.0 * math.pi)
 """Of the normal distribution: cumulative, and its density."""
 
 
-@kernel
-def _shares(x: float, sigma: float, share: Vector, slope: Vector, widening: Vector) -> tuple[int, int]:
-    """At ``x`` in cells, how much of each cell from 0 on a blur of ``sigma`` cells mixes in: ``share`` (n,).
+@inlined
+def _shares(x: float, sigma: float, parts: Vector) -> tuple[int, int]:
+    """At ``x`` in cells, how much of each cell from 0 on a blur of ``sigma`` cells mixes in: first of ``parts`` (3, n).
 
-    ``slope`` and ``widening`` (n,) are its derivatives by x and by the blur. Only the cells from the first to before
-    the second number that is returned are filled in, the others are too far away.
+    The others are its derivatives by x and by the blur. Only the cells from the first to before the second number that
+    is returned are filled in, the others are too far away.
     """
     first = max(math.floor(x - REACH * sigma), 0)
-    end = min(math.floor(x + REACH * sigma) + 1, share.size)
-    before, steep, wide = 0.0, 0.0, 0.0
+    end = min(math.floor(x + REACH * sigma) + 1, parts.shape[1])
+    before, steep, wide, narrow = 0.0, 0.0, 0.0, 1.0 / sigma
     for k in range(first, end + 1):
-        t, now, density = (x - k) / sigma, 0.0, 0.0
+        t, now, density = (x - k) * narrow, 0.0, 0.0
         if t >= REACH:
             now = 1.0
         elif t > -REACH:
             at = (t + REACH) * (KNOTS / (2.0 * REACH))
-            i = int(at)
-            f = at - i
-            now = SHARES[i] + f * (SHARES[i + 1] - SHARES[i])
-            density = (SLOPES[i] + f * (SLOPES[i + 1] - SLOPES[i])) / sigma
+            i = np.uint64(at)
+            f, j = at - np.int64(i), i + np.uint64(1)
+            now = SHARES[i] + f * (SHARES[j] - SHARES[i])
+            density = (SLOPES[i] + f * (SLOPES[j] - SLOPES[i])) * narrow
         if k > first:
-            share[k - 1], slope[k - 1], widening[k - 1] = before - now, steep - density, t * density - wide
+            parts[0, k - 1], parts[1, k - 1], parts[2, k - 1] = before - now, steep - density, t * density - wide
         before, steep, wide = now, density, t * density
     return first, end
 
 
-@kernel
+@lean_kernel
 def _homography(quad: Vector, n: int, H: Vector) -> bool:
     """Fill ``H`` (3, 3), from pixels to cells of the square of ``n`` cells a side whose corners are ``quad`` (4, 2)."""
     x0, y0, x1, y1 = quad[0, 0], quad[0, 1], quad[1, 0], quad[1, 1]
@@ -82,6 +82,25 @@ def _homography(quad: Vector, n: int, H: Vector) -> bool:
     return True
 
 
+@fused_kernel
+def _multiply(rows: Vector, count: int, A: Vector, b: Vector) -> float:
+    """Normal equations ``A`` (11, 11), of which the lower half, and ``b`` (11,) of ``count`` pixels.
+
+    ``rows`` (12, k) are their derivatives and what is to be explained, whose sum of squares is returned.
+    """
+    total = 0.0
+    for p in range(UNKNOWNS + 1):
+        for q in range(p + 1):
+            total = 0.0
+            for k in range(count):
+                total += rows[p, k] * rows[q, k]
+            if p < UNKNOWNS:
+                A[p, q] = total
+            elif q < UNKNOWNS:
+                b[q] = total
+    return total
+
+
 @kernel
 def _compare(image: Image, quad: Vector, cells: Vector, levels: Vector, A: Vector, b: Vector) -> float:
     """Mean squared difference (grey levels²) of ``image`` and picture; normal equations ``A`` (11, 11), ``b`` (11,).
@@ -90,9 +109,7 @@ def _compare(image: Image, quad: Vector, cells: Vector, levels: Vector, A: Vecto
     (px). NaN where it leaves the image.
     """
     n = cells.shape[0]
-    H, u, g = np.empty((3, 3)), np.empty(UNKNOWNS), np.empty(2)
-    across, across_slope, across_wide = np.empty(n), np.empty(n), np.empty(n)
-    down, down_slope, down_wide = np.empty(n), np.empty(n), np.empty(n)
+    H, across, down = np.empty((3, 3)), np.empty((3, n)), np.empty((3, n))
     if not _homography(quad, n, H):
         return math.nan
     ex, ey = 0.5 * (quad[1] + quad[2] - quad[0] - quad[3]) / n, 0.5 * (quad[2] + quad[3] - quad[0] - quad[1]) / n
@@ -104,45 +121,39 @@ def _compare(image: Image, quad: Vector, cells: Vector, levels: Vector, A: Vecto
     top, bottom = math.ceil(quad[:, 1].min() - margin), int(quad[:, 1].max() + margin)
     if left < 0 or top < 0 or right >= image.shape[1] or bottom >= image.shape[0]:
         return math.nan
-    A[:] = 0.0
-    b[:] = 0.0
-    squares, count = 0.0, 0
+    # By the pixel's place in the image for a change in cells.
+    xx, xy, yx, yy = contrast * ey[1] / area, contrast * ex[1] / area, contrast * ey[0] / area, contrast * ex[0] / area
+    rows, count = np.empty((UNKNOWNS + 1, (right - left + 1) * (bottom - top + 1))), 0
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
-            w = H[2, 0] * column + H[2, 1] * row + H[2, 2]
-            x = (H[0, 0] * column + H[0, 1] * row + H[0, 2]) / w
-            y = (H[1, 0] * column + H[1, 1] * row + H[1, 2]) / w
+            w = 1.0 / (H[2, 0] * column + H[2, 1] * row + H[2, 2])
+            x = (H[0, 0] * column + H[0, 1] * row + H[0, 2]) * w
+            y = (H[1, 0] * column + H[1, 1] * row + H[1, 2]) * w
             if not (-RIM <= x <= n + RIM and -RIM <= y <= n + RIM):
                 continue
-            i0, i1 = _shares(x, sx, across, across_slope, across_wide)
-            j0, j1 = _shares(y, sy, down, down_slope, down_wide)
+            i0, i1 = _shares(x, sx, across)
+            j0, j1 = _shares(y, sy, down)
             black, by_x, by_y, by_blur = 0.0, 0.0, 0.0, 0.0
             for j in range(j0, j1):
                 total, slope, widening = 0.0, 0.0, 0.0
                 for i in range(i0, i1):
-                    if cells[j, i] < 0.5:
-                        total += across[i]
-                        slope += across_slope[i]
-                        widening += across_wide[i]
-                black += down[j] * total
-                by_x += down[j] * slope
-                by_y += down_slope[j] * total
-                by_blur += down[j] * widening / wide + down_wide[j] * total / high
-            # By the pixel's place, then by the corners', which move the picture against it.
-            g[0] = -contrast * (by_x * ey[1] - by_y * ex[1]) / area
-            g[1] = -contrast * (by_y * ex[0] - by_x * ey[0]) / area
+                    ink = 1.0 - cells[j, i]
+                    total += ink * across[0, i]
+                    slope += ink * across[1, i]
+                    widening += ink * across[2, i]
+                black += down[0, j] * total
+                by_x += down[0, j] * slope
+                by_y += down[1, j] * total
+                by_blur += down[0, j] * widening / wide + down[2, j] * total / high
+            # The corners move the picture, which is the more bright the less black there is.
+            gx, gy = by_x * xx - by_y * xy, by_y * yy - by_x * yx
             s, t = x / n, y / n
-            for k in range(4):
-                share = (s if k in (1, 2) else 1.0 - s) * (t if k > 1 else 1.0 - t)
-                u[2 * k], u[2 * k + 1] = -g[0] * share, -g[1] * share
-            u[BLACK], u[WHITE], u[BLUR] = black, 1.0 - black, -contrast * by_blur
-            off = image[row, column] - (levels[1] - contrast * black)
-            squares, count = squares + off * off, count + 1
-            for p in range(UNKNOWNS):
-                b[p] += u[p] * off
-                for q in range(p + 1):
-                    A[p, q] += u[p] * u[q]
-    return squares / count if count > 2 * UNKNOWNS else math.nan
+            for k, share in enumerate(((1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t)):
+                rows[2 * k, count], rows[2 * k + 1, count] = gx * share, gy * share
+            rows[BLACK, count], rows[WHITE, count], rows[BLUR, count] = black, 1.0 - black, -contrast * by_blur
+            rows[UNKNOWNS, count] = image[row, column] - (levels[1] - contrast * black)
+            count += 1
+    return _multiply(rows, count, A, b) / count if count > 2 * UNKNOWNS else math.nan
 
 
 @kernel

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import kernel, lean_kernel
+from flightapp.perception.boxes import Boxes
 from flightapp.perception.edges import Image, quad_area, sample, within
-from flightapp.perception.outlines import STEPS, follow, unpack, vertices_of
+from flightapp.perception.outlines import STEPS, VISITED, Points, follow, hull_of, left_edges, mark_vertices, unpack
 from flightapp.perception.threshold import Bytes, marked_dark
 
 MOST_QUADS = 512
@@ -48,43 +49,44 @@ REGION = np.array((5, 4))
 """With these fainter ones too, for where there is little to search."""
 
 
-@kernel
-def _farthest(points: NDArray[np.int32], count: int, step: int, a: int, b: int) -> tuple[int, float]:
-    """The point furthest to the left of the line from point ``a`` to ``b``, as seen in the image, and how far."""
-    ax, ay = points[a, 0], points[a, 1]
-    dx, dy = points[b, 0] - ax, points[b, 1] - ay
+@lean_kernel
+def _farthest(hull: Points, count: int, a: int, b: int) -> int:
+    """The corner furthest to the left of the line from corner ``a`` to ``b``, as seen in the image."""
+    ax, ay = hull[a, 0], hull[a, 1]
+    dx, dy = hull[b, 0] - ax, hull[b, 1] - ay
     best, most = a, 0
-    for i in range(0, count, step):
-        off = (points[i, 0] - ax) * dy - (points[i, 1] - ay) * dx
+    for i in range(count):
+        off = (hull[i, 0] - ax) * dy - (hull[i, 1] - ay) * dx
         if off > most:
             best, most = i, off
-    return best, most / max(math.sqrt(float(dx * dx + dy * dy)), 1e-9)
+    return best
 
 
-@kernel
-def _inscribe(points: NDArray[np.int32], count: int, step: int, quad: Vector) -> bool:
-    """Put the corners of a quad of locally largest area among ``points`` into ``quad`` (4, 2), clockwise."""
-    mx, my = 0, 0
-    for i in range(0, count, step):
-        mx += points[i, 0]
-        my += points[i, 1]
-    n = (count + step - 1) // step
-    a, most = 0, -1
-    for i in range(0, count, step):
-        off = (n * points[i, 0] - mx) ** 2 + (n * points[i, 1] - my) ** 2
+@lean_kernel
+def _from(hull: Points, count: int, x2: int, y2: int) -> int:
+    """The corner furthest from the point (``x2`` / 2, ``y2`` / 2)."""
+    best, most = 0, -1
+    for i in range(count):
+        off = (2 * hull[i, 0] - x2) ** 2 + (2 * hull[i, 1] - y2) ** 2
         if off > most:
-            a, most = i, off
-    c, most = a, -1
-    for i in range(0, count, step):
-        off = (points[i, 0] - points[a, 0]) ** 2 + (points[i, 1] - points[a, 1]) ** 2
-        if off > most:
-            c, most = i, off
-    b, d = _farthest(points, count, step, a, c)[0], _farthest(points, count, step, c, a)[0]
+            best, most = i, off
+    return best
+
+
+@lean_kernel
+def _inscribe(hull: Points, count: int, box: NDArray[np.int64], quad: Vector) -> bool:
+    """Put the corners of a quad of locally largest area in the ``hull`` into ``quad`` (4, 2), clockwise.
+
+    The hull is of ``count`` corners, with the ``box`` (4,) about it.
+    """
+    a = _from(hull, count, box[0] + box[2], box[1] + box[3])
+    c = _from(hull, count, 2 * hull[a, 0], 2 * hull[a, 1])
+    b, d = _farthest(hull, count, a, c), _farthest(hull, count, c, a)
     for _ in range(2):
-        a, c = _farthest(points, count, step, d, b)[0], _farthest(points, count, step, b, d)[0]
-        b, d = _farthest(points, count, step, a, c)[0], _farthest(points, count, step, c, a)[0]
+        a, c = _farthest(hull, count, d, b), _farthest(hull, count, b, d)
+        b, d = _farthest(hull, count, a, c), _farthest(hull, count, c, a)
     for k, i in enumerate((a, b, c, d)):
-        quad[k, 0], quad[k, 1] = points[i, 0], points[i, 1]
+        quad[k, 0], quad[k, 1] = hull[i, 0], hull[i, 1]
     for k in range(4):
         ux, uy = quad[k, 0] - quad[k - 1, 0], quad[k, 1] - quad[k - 1, 1]
         vx, vy = quad[(k + 1) % 4, 0] - quad[k, 0], quad[(k + 1) % 4, 1] - quad[k, 1]
@@ -94,8 +96,8 @@ def _inscribe(points: NDArray[np.int32], count: int, step: int, quad: Vector) ->
     return True
 
 
-@kernel
-def _outlined(points: NDArray[np.int32], count: int, step: int, quad: Vector) -> bool:
+@lean_kernel
+def _outlined(points: Points, count: int, step: int, quad: Vector) -> bool:
     """Whether outline runs along most of each side of ``quad`` (4, 2)."""
     perimeter = 0.0
     for k in range(4):
@@ -106,14 +108,13 @@ def _outlined(points: NDArray[np.int32], count: int, step: int, quad: Vector) ->
         ax, ay = quad[k, 0], quad[k, 1]
         dx, dy = quad[(k + 1) % 4, 0] - ax, quad[(k + 1) % 4, 1] - ay
         length2 = dx * dx + dy * dy
-        reach = slack * math.sqrt(length2)
+        reach, bins = slack * math.sqrt(length2), BINS / length2
         seen = 0
         for i in range(0, count, step):
             px, py = points[i, 0] - ax, points[i, 1] - ay
-            if abs(px * dy - py * dx) < reach:
-                t = (px * dx + py * dy) / length2
-                if 0.0 <= t < 1.0:
-                    seen |= 1 << int(t * BINS)
+            part = (px * dx + py * dy) * bins
+            if abs(px * dy - py * dx) < reach and 0.0 <= part < BINS:
+                seen |= 1 << int(part)
         covered = 0
         for part in range(BINS):
             covered += seen >> part & 1
@@ -122,7 +123,7 @@ def _outlined(points: NDArray[np.int32], count: int, step: int, quad: Vector) ->
     return True
 
 
-@kernel
+@lean_kernel
 def _contrasts(image: Image, quad: Vector, modules: int) -> bool:
     """Whether ``image`` is brighter outside each side of ``quad`` (4, 2) than inside."""
     for k in range(4):
@@ -142,7 +143,7 @@ def _contrasts(image: Image, quad: Vector, modules: int) -> bool:
     return True
 
 
-@kernel
+@lean_kernel
 def _is_new(quads: Vector, count: int) -> bool:
     """Whether quad ``count`` of ``quads`` (k, 4, 2) lies elsewhere than those before it."""
     quad = quads[count]
@@ -163,21 +164,19 @@ def _is_new(quads: Vector, count: int) -> bool:
 def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, quads: Vector, count: int) -> int:
     """Add the quads of ``dark``, which is ``image`` from (x0, y0) on made smaller by ``scale``; how many there are."""
     height, width = dark.shape
-    vertices, box, steps = vertices_of(dark), np.empty(4, np.int64), np.empty(128, np.int64)
+    vertices, box, steps = np.zeros_like(dark), np.empty(4, np.int64), np.empty(128, np.int64)
+    mark_vertices(dark, vertices)
     for k in range(128):
         steps[k] = STEPS[k] if abs(STEPS[k]) == 1 else width * (STEPS[k] // 1000)
-    line = np.empty(4 * (height + width), np.int32)
-    points = np.empty((line.size, 2), np.int32)
-    for y in range(1, height - 1):
-        below = vertices[y + 1]
-        for x in range(1, width - 1):
-            # A left edge of the dark that no outline has gone up.
-            if below[x] & 28 != 8:
+    line, edges = np.empty(4 * (height + width), np.int32), np.empty(width, np.int64)
+    points, hull = np.empty((line.size, 2), np.int32), np.empty((2 * height, 2), np.int32)
+    ends = np.empty((height, 2), np.int32)
+    for y in range(2, height):
+        row = vertices[y]
+        for x in edges[: left_edges(row, edges)]:
+            if row[x] & VISITED:
                 continue
-            # Most are single pixels of noise.
-            if not (dark[y, x + 1] or dark[y + 1, x - 1] or dark[y + 1, x] or dark[y + 1, x + 1]):
-                continue
-            length = follow(vertices.ravel(), steps, (y + 1) * width + x, -width, line)
+            length = follow(vertices.ravel(), steps, y * width + x, -width, line)
             if length < SHORTEST_OUTLINE or count >= quads.shape[0]:
                 continue
             area2 = unpack(line, length, width, points, box)
@@ -187,7 +186,8 @@ def _add(image: Image, dark: Bytes, scale: int, x0: int, y0: int, modules: int, 
             if area2 < 2.0 * LEAST_FILL * across * down and length < LEAST_GAP * (across + down):
                 continue
             quad, step = quads[count], 1 + length // POINTS
-            if not _inscribe(points, length, step, quad) or not _outlined(points, length, step, quad):
+            corners = hull_of(points, length, box[1], box[3], ends, hull)
+            if not _inscribe(hull, corners, box, quad) or not _outlined(points, length, step, quad):
                 continue
             for k in range(4):
                 # Vertex (1, 1) is the upper left corner of the first pixel, whose centre is (0, 0).
@@ -219,34 +219,20 @@ def _blank(dark: Bytes, x0: int, y0: int, quad: Vector) -> None:
 
 
 @kernel
-def find_quads(
-    image: Image,
-    means: tuple[Image, Image, Image],
-    boxes: NDArray[np.int64],
-    scale: int,
-    offset: int,
-    modules: int,
-    known: Vector,
-    quads: Vector,
-) -> int:
+def find_quads(image: Image, boxes: Boxes, scale: int, offset: int, modules: int, known: Vector, quads: Vector) -> int:
     """Put the dark quads in ``boxes`` (b, 4) of ``image`` (h, w) into ``quads`` (k, 4, 2); how many there are.
 
-    Corners go clockwise, in pixels. ``means`` are the image's `Means`: half, near and wide; ``offset`` is of `WHOLE` or
-    `REGION`, ``modules`` those of a marker along a side. Blurred and large quads are found with ``scale`` 2, at half
-    the size; sharp and small ones with 1. The quads ``known`` (j, 4, 2) aren't looked into.
+    Corners go clockwise, in pixels. ``offset`` is of `WHOLE` or `REGION`, ``modules`` those of a marker along a side.
+    Blurred and large quads are found with ``scale`` 2, at half the size; sharp and small ones with 1. The quads
+    ``known`` (j, 4, 2) aren't looked into.
     """
-    half, near, wide = means
-    count, height, width = 0, half.shape[0], half.shape[1]
-    for b in range(boxes.shape[0]):
-        x0, y0, x1, y1 = boxes[b, 0] // 2, boxes[b, 1] // 2, boxes[b, 2], boxes[b, 3]
-        x2, y2 = min((x1 + 1) // 2, width), min((y1 + 1) // 2, height)
-        if x2 <= x0 or y2 <= y0:
+    count = 0
+    for box in boxes:
+        if min(box[2] - box[0], box[3] - box[1]) < SHORTEST_SIDE:
             continue
-        if scale == 2:
-            dark = marked_dark(half[y0:y2, x0:x2], wide[y0:y2, x0:x2], offset)
-        else:
-            dark = marked_dark(image[2 * y0 : y1, 2 * x0 : x1], near[y0:y2, x0:x2], offset)
+        dark, x0, y0 = marked_dark(image, box, scale, offset), box[0] // 2 * 2, box[1] // 2 * 2
+        if scale == 1:
             for quad in known:
-                _blank(dark, 2 * x0, 2 * y0, quad)
-        count = _add(image, dark, scale, 2 * x0, 2 * y0, modules, quads, count)
+                _blank(dark, x0, y0, quad)
+        count = _add(image, dark, scale, x0, y0, modules, quads, count)
     return count

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flightapp.frames import Vector
-from flightapp.jit import kernel
+from flightapp.jit import kernel, lean_kernel
+from flightapp.perception.boxes import merged, unfilled
 from flightapp.perception.decoding import (
     PROBES,
     bordered_codes,
@@ -21,12 +22,10 @@ from flightapp.perception.decoding import (
 from flightapp.perception.edges import Image, quad_area, refine_corners
 from flightapp.perception.picture import fit_picture
 from flightapp.perception.quads import MOST_QUADS, find_quads
-from flightapp.perception.threshold import Means
 
 CODE, FIT, WORST, DOUBT, RIM, NOISE, CORNERS = 0, 1, 2, 3, 4, 5, 6
 """Columns of a reading: those of `recognise`, then how much brighter the paper is than the border, in parts of the
-contrast, the corners' expected noise (px), and the corners x, y in pixels, clockwise from the quad's first, not the
-marker's."""
+contrast, the corners' expected noise (px), and the marker's corners x, y in pixels, clockwise from its own first."""
 READING = 14
 
 Limits = Vector
@@ -65,36 +64,29 @@ class Codes:
 
 
 def read_markers(
-    image: Image,
-    means: Means,
-    boxes: NDArray[np.int64],
-    scale: int,
-    offset: int,
-    limits: Limits,
-    codes: Codes,
-    known: Vector,
+    image: Image, regions: Vector, offsets: NDArray[np.int64], done: float, limits: Limits, codes: Codes
 ) -> Vector:
-    """The markers in ``boxes`` (b, 4) x0, y0, x1, y1 of ``image`` (h, w): readings (m, 14) that keep to ``limits``.
+    """The markers in ``regions`` (r, 4) x0, y0, x1, y1 of ``image`` (h, w): readings (m, 14) that keep to ``limits``.
 
-    ``scale`` and ``offset`` are those of `quads`; the quads ``known`` (j, 4, 2) aren't looked into.
+    ``offsets`` are `quads.WHOLE` or `quads.REGION`. Regions of which a large marker fills the share ``done`` aren't
+    searched for small ones.
     """
-    three = means.half, means.near, means.wide
-    return _read(image, three, boxes, scale, offset, limits, SIMPLE, codes.templates, codes.cells, codes.simple, known)
+    return _read(image, regions, offsets, done, limits, SIMPLE, codes.templates, codes.cells, codes.simple)
 
 
-@kernel
+@lean_kernel
 def _keeps_to(reading: Vector, limits: Limits | tuple[float, float, float, float]) -> bool:
     good = reading[FIT] >= limits[0] and reading[WORST] <= limits[1]
     return bool(good and reading[DOUBT] <= limits[2] and reading[RIM] >= limits[3])
 
 
-@kernel
+@lean_kernel
 def expected_noise(width: float, cell: float) -> float:
     """px, standard deviation of the corners of a marker whose edges are ``width`` wide and cells ``cell``, in px."""
     return math.hypot(SHARP_NOISE, BLURRED_NOISE * cell * (width / max(cell, 1e-9)) ** BLURRED_POWER)
 
 
-@kernel
+@lean_kernel
 def _narrow(quad: Vector) -> float:
     """px, width of a ``quad`` (4, 2) across its longest side."""
     longest2 = 1e-9
@@ -142,28 +134,33 @@ def _read_quad(image: Image, quad: Vector, templates: Vector, codes: Vector, lim
     reading[NOISE] = expected_noise(width, cell)
     if quad_area(refined) < (SMALL * modules) ** 2:
         fit_picture(image, refined.copy(), codes[int(reading[CODE])], dark, dark + contrast, width, refined)
+    turns = int(reading[CODE])
     for k in range(8):
-        reading[CORNERS + k] = refined[k // 2, k % 2]
+        reading[CORNERS + (k + 2 * turns) % 8] = refined[k // 2, k % 2]
     return True
 
 
 @kernel
 def _read(
     image: Image,
-    means: tuple[Image, Image, Image],
-    boxes: NDArray[np.int64],
-    scale: int,
-    offset: int,
+    regions: Vector,
+    offsets: NDArray[np.int64],
+    done: float,
     limits: Vector,
     stricter: Vector,
     templates: Vector,
     codes: Vector,
     simple: NDArray[np.bool_],
-    known: Vector,
 ) -> Vector:
-    quads, readings, found = np.empty((MOST_QUADS, 4, 2)), np.empty((MOST_QUADS, READING)), 0
-    for m in range(find_quads(image, means, boxes, scale, offset, codes.shape[1], known, quads)):
-        row = readings[found]
-        if _read_quad(image, quads[m], templates, codes, limits, row):
-            found += int(not simple[int(row[CODE])] or _keeps_to(row, stricter))
+    height, width = image.shape
+    quads, readings, found = np.empty((MOST_QUADS, 4, 2)), np.empty((2 * MOST_QUADS, READING)), 0
+    known, left = np.empty((0, 4, 2)), regions
+    for scale in (2, 1):
+        boxes = merged(left, width, height)
+        for m in range(find_quads(image, boxes, scale, offsets[scale - 1], codes.shape[1], known, quads)):
+            row = readings[found]
+            if _read_quad(image, quads[m], templates, codes, limits, row):
+                found += int(not simple[int(row[CODE])] or _keeps_to(row, stricter))
+        known = readings[:found, CORNERS:].copy().reshape(found, 4, 2)
+        left = unfilled(regions, known, done)
     return readings[:found].copy()

@@ -11,6 +11,7 @@ from flightapp.config import Detection
 from flightapp.frames import Vector, quat_to_matrix
 from flightapp.jit import kernel
 from flightapp.messages import GateEstimate
+from flightapp.perception.boxes import merge_regions
 from flightapp.perception.camera import CameraModel
 from flightapp.track import GateShape
 
@@ -19,11 +20,6 @@ SIGMAS = 3.0
 
 NEAREST = 0.05
 """m in front of the camera, from where a pinhole sees."""
-
-COST_OF_A_BOX = 6000
-"""px that could be searched in the time that it takes to begin another box."""
-
-Box = tuple[int, int, int, int]
 
 
 def expected_regions(
@@ -136,39 +132,3 @@ def _surround(
                     points[count, i, 2] = max(points[count, i, 2], NEAREST)
             count += 1
     return count
-
-
-def merge_regions(regions: Sequence[Vector], width: int, height: int) -> list[Box]:
-    """Whole-pixel boxes inside an image that cover ``regions``, with no pixel searched twice.
-
-    Boxes are merged where they overlap, and where one search of both costs less than two. Boxes that are empty,
-    outside the image or not finite are left out.
-    """
-    boxes: list[Box] = []
-    for region in regions:
-        edges = region.tolist()
-        if not all(map(math.isfinite, edges)):
-            continue
-        x0, y0 = max(math.floor(edges[0]), 0), max(math.floor(edges[1]), 0)
-        x1, y1 = min(math.ceil(edges[2]), width), min(math.ceil(edges[3]), height)
-        if x1 <= x0 or y1 <= y0:
-            continue
-        box = (x0, y0, x1, y1)
-        while (partner := next((other for other in boxes if _better_together(box, other)), None)) is not None:
-            boxes.remove(partner)
-            box = _union(box, partner)
-        boxes.append(box)
-    return boxes
-
-
-def _union(a: Box, b: Box) -> Box:
-    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
-
-
-def _area(box: Box) -> int:
-    return (box[2] - box[0]) * (box[3] - box[1])
-
-
-def _better_together(a: Box, b: Box) -> bool:
-    overlap = a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
-    return overlap or _area(_union(a, b)) <= _area(a) + _area(b) + COST_OF_A_BOX

@@ -11,8 +11,9 @@ from perception_cases import LENSES, PINHOLE, gate_pixels
 from flightapp.config import Detection
 from flightapp.frames import Vector, quat_from_euler, quat_from_yaw, quat_rotate, quat_to_matrix
 from flightapp.messages import GateEstimate
+from flightapp.perception.boxes import merge_regions
 from flightapp.perception.camera import CameraModel
-from flightapp.perception.regions import expected_regions, merge_regions
+from flightapp.perception.regions import expected_regions
 from flightapp.track import GateShape
 
 SHAPE = GateShape()
