@@ -49,9 +49,9 @@ PICTURE, PICTURE_SMEARED = 3.3, 0.67
 WRONG, WRONG_TIMES = 0.563, 3.67
 """Share of the corners that blur puts so many times further off."""
 
-SHARP_WIDTH, WIDTH_BLURRED = 0.7, 0.17
-"""px, the detector's width of a sharp edge, and what a blur's square adds to the square of it (medians of 2,400
-markers)."""
+WIDTH, WIDTH_BLURRED = 0.7, 0.17
+"""px, width of a sharp marker's edges as the detector sees it, noise included, and what a blur's square adds to the
+square of it: medians of 2,400 markers of `flightapp.evaluation.detection_images`, 18 px and larger."""
 
 BOW = 2.0 / 3.0
 """A straight line fitted to a side that the lens bends lies this part of the sagitta off the corners' chord.
@@ -130,7 +130,7 @@ def corner_scatter(look: Look, cells: int) -> tuple[float, float]:
 @kernel
 def noise_told(look: Look, cells: int) -> float:
     """px, standard deviation of the corners that the detector tells with a marker, from the width of its edges."""
-    width = math.sqrt(SHARP_WIDTH**2 + WIDTH_BLURRED * look.blur**2)
+    width = math.sqrt(WIDTH**2 + WIDTH_BLURRED * look.blur**2)
     return expected_noise(width, look.narrow / cells)
 
 

@@ -50,10 +50,9 @@ from flightapp.track import Track
 
 AMBIGUITY = 4.0
 """χ² by which one of two poses must fit better for its yaw to be used."""
-LEAST_POSITION_ERROR = 0.002
-"""m, of a sighting at no distance, that changes as the gate moves through the image."""
-LEAST_YAW_ERROR = 0.005
-"""rad, the same of a sighting's yaw."""
+LEAST_POSITION_ERROR, LENS_ERROR, LENS_YAW_ERROR = 0.001, 0.0008, 0.0025
+"""m at no distance, share of the distance, and rad of the gate's yaw: what remains wrong with sightings where errors of
+mount and focal length are known, and changes as the gate moves through the image. As seen in rendered flights."""
 MIRRORED_YAW = 0.5
 """rad, deviation of the yaw of a gate that was placed by a sighting with two explanations."""
 SWAPPED, SWAPPED_YAW = 0.3, 0.2
@@ -78,7 +77,7 @@ class FusionEstimator:
         e, m = config.estimation, config.mapping
         self._coast, self._trusted = e.coast, (e.trusted_sigma, e.trusted_speed)
         self._settings, self._start = process_settings(e, m), Start.of(e, m)
-        self._errors = np.array((m.sync_error, LEAST_POSITION_ERROR, LEAST_YAW_ERROR))
+        self._sync_error = m.sync_error
         self._limits = np.array((m.gate, AMBIGUITY))
         self._register = GateRegister(config, track)
         size = CORE + GATE * len(self._register.gates)
@@ -196,11 +195,12 @@ class FusionEstimator:
             return False
         record = register.gates[i]
         speed, turning = np.linalg.norm(self._x[VELOCITY : VELOCITY + 3]), np.linalg.norm(row[RATES : RATES + 3])
-        rate = float(turning + speed / max(float(np.linalg.norm(rows[0, :3])), NEAR))
-        inflation, lasting = register.repeats(i, stamp, rate)
-        errors = self._errors * math.sqrt(lasting)
+        distance = max(float(np.linalg.norm(rows[0, :3])), NEAR)
+        lens = math.hypot(LEAST_POSITION_ERROR, LENS_ERROR * distance)
+        repeats = register.repeats(i, stamp, float(turning + speed / distance))
+        errors = np.array((self._sync_error, lens, LENS_YAW_ERROR)) * math.sqrt(repeats)
         if record.placed:
-            verdict = use_sighting(self._x, self._P, at, row, rows, errors, inflation, self._limits, self._z)
+            verdict = use_sighting(self._x, self._P, at, row, rows, errors, self._limits, self._z)
             if verdict > 0:
                 record.used(stamp)
             if verdict != 0:
@@ -210,10 +210,10 @@ class FusionEstimator:
             more_upright(self._x, row, rows, errors, self._z)
             anew = register.found(i, stamp, self._x[POSITION : POSITION + 3] + self._z[:3])
         if anew:
-            self._place(i, rows, row, errors, inflation)
+            self._place(i, rows, row, errors)
         return anew
 
-    def _place(self, i: int, rows: Vector, row: Vector, errors: Vector, inflation: float) -> None:
+    def _place(self, i: int, rows: Vector, row: Vector, errors: Vector) -> None:
         """Put the gate ``i`` where its sighting ``rows`` (1 or 2, 43) shows it, and where it was the one it ousts."""
         x, P, register, at = self._x, self._P, self._register, CORE + GATE * i
         chosen = more_upright(x, row, rows, errors, self._z)
@@ -223,7 +223,7 @@ class FusionEstimator:
         ousted = register.ousted(i, found, gates[:, :3], deviations)
         if ousted is not None:
             self._take_place(CORE + GATE * ousted, at)
-        place(x, P, at, row, rows[chosen], errors, inflation)
+        place(x, P, at, row, rows[chosen], errors)
         if len(rows) > 1:
             P[at + 3, at + 3] += MIRRORED_YAW**2
         register.placed_anew(i, float(row[STAMP]), found, left)

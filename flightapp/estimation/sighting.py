@@ -22,12 +22,11 @@ SEEN, FROM = 14, 10
 
 
 @kernel
-def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, inflation: float, z: Vector, R: Vector) -> float:
+def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, z: Vector, R: Vector) -> float:
     """A sighting from the step ``row`` as ``z`` (4,), the way to the gate in world axes and its yaw; the lean's χ².
 
     ``sighting`` (43,) is position, orientation and covariance, ``R`` (4, 4) becomes the covariance. ``errors`` (3,):
-    synchronisation (s), and the least error of position (m) and yaw (rad). ``inflation`` is how many
-    sightings with the given covariance count as one.
+    synchronisation (s), and what the lens does to position (m) and yaw (rad).
     """
     q_wb = attitude(x, row[ATTITUDE : ATTITUDE + 4])
     R_wb = quat_to_matrix(q_wb)
@@ -46,7 +45,7 @@ def sighted(x: Vector, row: Vector, sighting: Vector, errors: Vector, inflation:
             R[i, j] = 0.0
             for k in range(6):
                 for m in range(6):
-                    R[i, j] += 0.5 * inflation * G[i, k] * (C[k, m] + C[m, k]) * G[j, m]
+                    R[i, j] += 0.5 * G[i, k] * (C[k, m] + C[m, k]) * G[j, m]
     w, v = quat_rotate(q_wb, row[RATES : RATES + 3]), x[VELOCITY : VELOCITY + 3]
     motion = np.array(
         (v[0] + w[1] * r[2] - w[2] * r[1], v[1] + w[2] * r[0] - w[0] * r[2], v[2] + w[0] * r[1] - w[1] * r[0], w[2])
@@ -65,7 +64,7 @@ def more_upright(x: Vector, row: Vector, sightings: Vector, errors: Vector, z: V
     seen, R = np.empty(4), np.empty((4, 4))
     best, least = 0, math.inf
     for k in range(sightings.shape[0]):
-        lean = sighted(x, row, sightings[k], errors, 1.0, seen, R)
+        lean = sighted(x, row, sightings[k], errors, seen, R)
         if k == 0 or lean < least:
             best, least = k, lean
             assign(z, seen)
@@ -132,7 +131,6 @@ def use_sighting(
     row: Vector,
     sightings: Vector,
     errors: Vector,
-    inflation: float,
     limits: Vector,
     z: Vector,
 ) -> int:
@@ -143,11 +141,11 @@ def use_sighting(
     χ² of ambiguity. ``z`` (4,) becomes the way to the gate in world axes, and its yaw.
     """
     R, other_z, other_R = np.empty((4, 4)), np.empty(4), np.empty((4, 4))
-    lean = sighted(x, row, sightings[0], errors, inflation, z, R)
+    lean = sighted(x, row, sightings[0], errors, z, R)
     fit = misfit(x, P, at, row, z, R)
     unsure = False
     if sightings.shape[0] > 1:
-        other_lean = sighted(x, row, sightings[1], errors, inflation, other_z, other_R)
+        other_lean = sighted(x, row, sightings[1], errors, other_z, other_R)
         other_fit = misfit(x, P, at, row, other_z, other_R)
         unsure = abs(other_fit + other_lean - fit - lean) < limits[1]
         if other_fit + other_lean < fit + lean:
@@ -170,14 +168,14 @@ def use_sighting(
 
 
 @kernel
-def place(x: Vector, P: Vector, at: int, row: Vector, sighting: Vector, errors: Vector, inflation: float) -> None:
+def place(x: Vector, P: Vector, at: int, row: Vector, sighting: Vector, errors: Vector) -> None:
     """Put the gate ``at`` where one ``sighting`` (43,) from the step ``row`` shows it, forgetting what was known of it.
 
     The gate is as uncertain as vehicle and sighting together, and correlated with both.
     """
     z, R = np.empty(4), np.empty((4, 4))
     H, columns = np.empty((4, SEEN)), np.empty(SEEN, np.int64)
-    sighted(x, row, sighting, errors, inflation, z, R)
+    sighted(x, row, sighting, errors, z, R)
     for i in range(3):
         x[at + i] = x[POSITION + i] + z[i]
     x[at + 3] = z[3]

@@ -81,20 +81,17 @@ class GateRegister:
         self.index = {gate.gate_id: i for i, gate in enumerate(self.gates)}
         self._moved_after = m.moved_after
         self._correlation_time, self._same_view = m.correlation_time, m.same_view
-        self._pixel = 1.0 / config.camera.focal[0]
         self._frame = track.gate.opening + 2.0 * track.gate.border
         self.notices: list[str] = []
         """What is worth telling, oldest first."""
 
-    def repeats(self, i: int, stamp: float, view_rate: float) -> tuple[float, float]:
-        """How many frames of the present rate count as one for what a gate's markers show, and for the calibration.
+    def repeats(self, i: int, stamp: float, view_rate: float) -> float:
+        """How many frames of the present rate count as one for what the lens gets wrong with a gate.
 
-        As long as a marker's edges cross the same pixels the same is wrong with its corners: only as the view changes,
-        with ``view_rate`` (rad/s), do errors average out. Those of the lens last longer.
+        That averages out as the view changes alone, with ``view_rate`` (rad/s).
         """
-        since, rate = max(stamp - self.gates[i].last_seen, 1e-3), max(view_rate, 1e-3)
-        lens = max(self._correlation_time, self._same_view / rate)
-        return max(1.0, 2.0 * self._pixel / (rate * since)), max(1.0, 2.0 * lens / since)
+        same = max(self._correlation_time, self._same_view / max(view_rate, 1e-3))
+        return max(1.0, 2.0 * same / max(stamp - self.gates[i].last_seen, 1e-3))
 
     def refused(self, i: int, stamp: float, place: Vector) -> bool:
         """Count a sighting of gate ``i`` at ``place`` (3,), which the map refused; True where the gate has moved."""

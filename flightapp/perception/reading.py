@@ -40,11 +40,14 @@ SHARP, SHARP_DOUBT = 0.2, 0.05
 GLARE = (0.985, 0.11, -0.1, 0.45)
 """What a reading must keep to that only a light explains which shines upon the marker."""
 
-SHARP_NOISE, BLURRED_NOISE, BLURRED_POWER = 0.074, 1.286, 2.33
-"""Noise of corners: px where the edges are sharp, cells where they are a cell wide, and the power of the width.
+SHARP_NOISE, SHARP_WIDTH = 0.052, 0.452
+"""px, noise of a sharp marker's corners, and the width of its edges."""
+BLURRED_NOISE, BLURRED_POWER = 1.83, 2.4
+"""Cells that corners are off where blur makes the edges a cell wide, and the power of that width.
 
-By maximum likelihood from 5,996 markers in pictures of `evaluation.detection_images`, 12 to 120 px large and blurred
-over up to 6 px; of markers of 3 to 12 px a cell, in 12 bins of size and width, to factors of 0.6 to 1.3."""
+Both by maximum likelihood from 5,014 markers in pictures of `evaluation.detection_images`, 12 to 72 px large and
+blurred over up to 6 px: in 18 bins of size and width met to factors of 0.67 to 1.31. Of markers of 72 to 120 px near
+the border of a pinhole with strong distortion corners are twice as far off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,8 @@ def _keeps_to(reading: Vector, limits: Limits | tuple[float, float, float, float
 @lean_kernel
 def expected_noise(width: float, cell: float) -> float:
     """px, standard deviation of the corners of a marker whose edges are ``width`` wide and cells ``cell``, in px."""
-    return math.hypot(SHARP_NOISE, BLURRED_NOISE * cell * (width / max(cell, 1e-9)) ** BLURRED_POWER)
+    blur = math.sqrt(max(width * width - SHARP_WIDTH * SHARP_WIDTH, 0.0)) / max(cell, 1e-9)
+    return math.hypot(SHARP_NOISE, BLURRED_NOISE * cell * blur**BLURRED_POWER)
 
 
 @lean_kernel

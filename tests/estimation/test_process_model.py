@@ -120,11 +120,11 @@ def test_a_sightings_derivative(seed):
 
     def innovation(y):
         z, R = np.empty(4), np.empty((4, 4))
-        sighted(y, row, sighting, errors, 1.0, z, R)
+        sighted(y, row, sighting, errors, z, R)
         return _innovation(y, at_gate, z)
 
     z, H, columns = np.empty(4), np.empty((4, SEEN)), np.empty(SEEN, np.int64)
-    sighted(x, row, sighting, errors, 1.0, z, np.empty((4, 4)))
+    sighted(x, row, sighting, errors, z, np.empty((4, 4)))
     x[at_gate : at_gate + 3] = x[at.POSITION : at.POSITION + 3] + z[:3]
     _derivative(x, row, at_gate, z, H, columns)
     for k, i in enumerate(columns):
@@ -201,7 +201,7 @@ def test_a_placed_gate_is_as_uncertain_as_vehicle_and_sighting_together():
     row[at.ATTITUDE : at.ATTITUDE + 4] = (1.0, 0.0, 0.0, 0.0)
     sighting = np.concatenate((position, (1.0, 0.0, 0.0, 0.0), C.ravel()))
     y, Q = x.copy(), P.copy()
-    place(y, Q, at_gate, row, sighting, np.zeros(3), 1.0)
+    place(y, Q, at_gate, row, sighting, np.zeros(3))
     draws = []
     for error, seen in zip(
         rng.multivariate_normal(np.zeros(SIZE), P, 20_000), rng.multivariate_normal(np.zeros(6), C, 20_000), strict=True

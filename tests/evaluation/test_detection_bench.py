@@ -60,6 +60,12 @@ def test_decoys_are_no_markers() -> None:
     assert false_ids(ArucoDetector(Config(), knows_all_ids()), range(20610, 20710)) == []
 
 
+def test_decoys_that_were_once_misread_are_not() -> None:
+    """A sharp one that fitted badly, three that resembled id 17, and two blurred ones."""
+    misread = (10064571, 10080282, 10081197, 12015816, 11010419, 12010382)
+    assert false_ids(ArucoDetector(Config(), knows_all_ids()), misread) == []
+
+
 def test_false_ids_are_counted_in_both_ways_of_searching() -> None:
     """A detector that takes the middle of whatever it is given for a marker is found out."""
 

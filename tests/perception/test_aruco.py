@@ -1,5 +1,6 @@
 """Finding markers in drawn pictures, whole and by regions."""
 
+import math
 from functools import lru_cache
 
 import cv2
@@ -8,6 +9,8 @@ import pytest
 from marker_scenes import Scene, draw
 from perception_cases import config, track
 
+from flightapp.evaluation.detection_bench import bench_cameras
+from flightapp.evaluation.detection_images import Blur, Conditions, draw_picture, marker_texture
 from flightapp.messages import Frame, MarkerDetection
 from flightapp.perception.aruco import ArucoDetector
 
@@ -120,6 +123,21 @@ def test_doubtful_readings_are_believed_where_markers_are_expected_alone() -> No
         assert all(marker.quality >= 0.78 for marker in sure)
         expected, anywhere = expected + len(known), anywhere + len(sure)
     assert expected > anywhere > 0
+
+
+@pytest.mark.parametrize(("size", "blur"), [(18.0, 0.0), (30.0, 1.0), (30.0, 4.0), (50.0, 6.0)])
+def test_corners_are_off_by_about_what_is_told_of_them(size: float, blur: float) -> None:
+    textures = {n: marker_texture(cv2.aruco.DICT_4X4_50, n) for n in IDS}
+    off2, told2 = [], []
+    for seed in range(20430, 20442):
+        rng = np.random.default_rng(seed)
+        conditions = Conditions(size=size, blur=blur, blur_kind=list(Blur)[seed % 2], brightness=rng.uniform(0.3, 1.0))
+        picture = draw_picture(bench_cameras()["pinhole"], textures, conditions, rng)
+        markers = aruco().detect(frame(picture.image), None)
+        off2 += [np.mean((marker.corners - picture.corners[marker.marker_id]) ** 2) for marker in markers]
+        told2 += [marker.noise**2 for marker in markers]
+    assert len(off2) > 60
+    assert 0.6 < math.sqrt(np.mean(off2) / np.mean(told2)) < 1.5
 
 
 @pytest.mark.parametrize("margin", [1, 3])

@@ -1,6 +1,7 @@
 """Gate poses from exact and from noisy corners."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,6 +82,17 @@ def test_errors_are_as_large_as_the_covariance_says(lens: str, visible: tuple[in
         error = errors(sighting, position, orientation)
         normalised.append(error @ np.linalg.solve(sighting.covariance, error))
     assert np.mean(normalised) == pytest.approx(6.0, abs=0.6)
+
+
+@pytest.mark.parametrize(("told", "expected"), [(0.05, 0.05), (0.4, 0.4), (math.nan, 0.2)])
+def test_what_a_detector_tells_of_its_corners_is_believed(told: float, expected: float) -> None:
+    """By exact corners, of which residuals tell little; without a word, `detection.corner_noise` counts."""
+    exact = gate_pixels(PINHOLE, TRACK.gate, np.array([3.0, 0.2, 0.4]), quat_from_euler(0.1, 0.0, 0.6))
+    alone = GatePoseSolver(config(corner_noise=expected), TRACK, PINHOLE)
+    solver = GatePoseSolver(config(corner_noise=0.2), TRACK, PINHOLE)
+    (as_told,) = solver.solve(0.0, [replace(marker, noise=told) for marker in as_markers(exact)])
+    (as_configured,) = alone.solve(0.0, as_markers(exact))
+    assert np.allclose(as_told.covariance, as_configured.covariance, rtol=1e-6)
 
 
 def test_a_small_marker_keeps_both_poses_and_one_is_right() -> None:

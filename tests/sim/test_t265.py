@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flightapp.config import Config, Simulation
-from flightapp.frames import Vector, quat_from_yaw, quat_rotate
+from flightapp.frames import Vector, quat_from_yaw, quat_yaw
 from flightapp.messages import GroundTruth, PoseSample
 from sim.t265 import T265, IdealTracker, T265Errors, make_tracker
 
@@ -104,15 +104,22 @@ def test_position_and_velocity_agree() -> None:
     assert np.allclose(way, seen[-1].position - seen[0].position, atol=0.08)
 
 
-def test_odom_lies_on_the_world_at_the_start() -> None:
+def test_odom_lies_on_the_world_at_the_start_as_well_as_the_vehicle_was_put_there() -> None:
     start, yaw = np.array((-12.5, -10.0, 1.0)), 0.6
-    quiet = T265Errors(loss=0.0)
-    tracker = T265(5, quiet)
-    first = tracker.sample(GroundTruth(7.0, start, quat_from_yaw(yaw), np.zeros(3), np.zeros(3)))
-    assert first is not None
-    assert np.linalg.norm(first[0].position - start) < 6.0 * quiet.position_noise
-    ahead = quat_rotate(first[0].orientation, np.array((1.0, 0.0, 0.0)))
-    assert np.linalg.norm(ahead - (np.cos(yaw), np.sin(yaw), 0.0)) < 5.0 * quiet.tilt
+    errors, off, turned = T265Errors(loss=0.0), [], []
+    for seed in range(400):
+        first = T265(seed, errors).sample(GroundTruth(7.0, start, quat_from_yaw(yaw), np.zeros(3), np.zeros(3)))
+        assert first is not None
+        off.append(first[0].position - start)
+        turned.append(float(quat_yaw(first[0].orientation)) - yaw)
+    assert np.std(off) == pytest.approx(np.hypot(errors.start_position, errors.position_noise), rel=0.1)
+    assert np.std(turned) == pytest.approx(np.hypot(errors.start_yaw, errors.attitude_noise), rel=0.1)
+
+
+def test_the_vehicle_is_put_down_as_well_as_the_filter_expects() -> None:
+    expected, errors = Config().estimation, T265Errors()
+    assert errors.start_position == expected.start_position
+    assert errors.start_yaw == expected.start_yaw
 
 
 def test_samples_arrive_late_by_the_latency() -> None:
