@@ -14,7 +14,7 @@ from flightapp.frames import Vector
 from flightapp.planning.race_bounds import coefficients
 from flightapp.planning.race_problem import AREA, CLEARANCE, CROSSING, KINDS, LEAST_FORCE, TILT, Problem, measure
 from flightapp.planning.race_samples import DURATION, FINE
-from flightapp.planning.race_solver import Parameters, improve
+from flightapp.planning.race_solver import STEP, Parameters, improve
 from flightapp.planning.race_work import Store, Work
 
 TOLERATED = 1.0008
@@ -27,6 +27,10 @@ WARM = FIRST._replace(
     barrier=2e-4, enough=1, steps=25, gap=0.04, excess=2e-3, settled=0.5, shrink=0.5, damping=20.0, weight=5.0
 )
 """For a line that was found for nearly the same: it is kept to closely, and rather moved than made faster."""
+ELSE = FIRST._replace(barrier=0.1)
+"""For a line from rest to rest for which that did not settle: from the same beginning, but further from the limits."""
+ENOUGH = 1.2
+"""Times the effort that was in vain that must be left for it."""
 AGAIN = FIRST._replace(barrier=-1.0, enough=1, steps=10, gap=0.02, excess=2e-3, shrink=0.2, damping=20.0)
 """For a line that was found just now, with limits drawn in."""
 ROUNDS = 9
@@ -62,6 +66,8 @@ class Search:
         self.room = store.room
         self.effort = float(effort)
         """Times segments, effort that is left."""
+        self.settled = True
+        """Whether the last improvement ended before it had made all its steps."""
 
     def improve(self, line: Vector, problem: Problem, parameters: Parameters, work: Work) -> bool:
         """`race_solver.improve` with what is left; False if nothing is, or the arithmetic failed."""
@@ -70,6 +76,7 @@ class Search:
         cost = self._cost(line, problem)
         taken = improve(line, problem, parameters._replace(effort=int(self.effort / cost)), work)
         self.effort -= abs(taken) * cost
+        self.settled = abs(taken) < STEP * parameters.steps
         return taken > 0
 
     def _cost(self, line: Vector, problem: Problem) -> float:
@@ -123,7 +130,12 @@ class Search:
         """
         calm, held = problem.smooth, np.asarray(least.any(axis=1))
         at_rest = not (line[0, 3:DURATION].any() or line[-1, 3:DURATION].any())
-        going = self.improve(line, problem._replace(limits=coefficients(limits)), first, work)
+        drawn, begun = problem._replace(limits=coefficients(limits)), line.copy()
+        before = self.effort
+        going = self.improve(line, drawn, first, work)
+        if at_rest and not self.settled and self.effort > ENOUGH * (before - self.effort):
+            line[:] = begun
+            going = self.improve(line, drawn, ELSE, work)
         for count in range(ROUNDS + 1):
             worst, sampled = self.look(line, problem, work)
             ratio = worst[:, :TILT].max()

@@ -8,6 +8,7 @@ import struct
 import zlib
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import fields
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -179,7 +180,7 @@ class _Contents:
             self.header,
             self.complete,
             self._columns(PoseSample, Poses),
-            self._columns(VehicleState, States),
+            self._states(),
             self._columns(Setpoint, Setpoints),
             self._columns(RateCommand, Commands),
             self._columns(GroundTruth, Motions),
@@ -210,6 +211,12 @@ class _Contents:
             order = np.argsort(stamps, kind="stable")
             arrays = {name: array[order] for name, array in arrays.items()}
         return columns(**arrays)
+
+    def _states(self) -> States:
+        """The states; of those with one stamp the last, which a late pose has corrected."""
+        states: States = self._columns(VehicleState, States)
+        last = np.append(np.diff(states.stamp) > 0.0, True)
+        return states if last.all() else States(**{f.name: getattr(states, f.name)[last] for f in fields(States)})
 
     def _messages(self, kind: type) -> Any:
         name = f"{PACKAGE}.{kind.__name__}"

@@ -89,6 +89,19 @@ def test_an_acceleration_that_was_not_told_is_nan(tmp_path, rng):
     assert np.isnan(read_flight(path).poses.acceleration).all()
 
 
+def test_of_states_with_one_stamp_the_last_counts(tmp_path, rng):
+    """A late pose corrects what the inertial sensors alone had told of the same moment."""
+    path = tmp_path / "flight.mcap"
+    log = FlightLog(path, header=HEADER)
+    sent = [sample.state(rng, stamp) for stamp in (0.0, 0.005, 0.01, 0.01, 0.015)]
+    for message in sent:
+        log.write("state", message)
+    log.close()
+    states = read_flight(path).states
+    assert states.stamp.tolist() == [0.0, 0.005, 0.01, 0.015]
+    assert np.array_equal(states.position, [sent[i].position for i in (0, 1, 3, 4)])
+
+
 @pytest.mark.parametrize("name", sample.FAST)
 def test_fast_messages_are_protobuf_that_others_can_read(name, rng):
     message = sample.FAST[name](rng, 1.25)
