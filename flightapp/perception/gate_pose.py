@@ -217,7 +217,7 @@ class GatePoseSolver:
     def _gate(
         self, stamp: float, gate_id: int, markers: Sequence[MarkerDetection], slots: list[int]
     ) -> GateSighting | None:
-        noises = [self._noise if math.isnan(marker.noise) else marker.noise for marker in markers]
+        noises = [marker.noise if 0.0 < marker.noise < math.inf else self._noise for marker in markers]
         noise = math.sqrt(sum(noise * noise for noise in noises) / len(noises))
         pixels = np.concatenate([marker.corners for marker in markers])
         verdict, out, corners, squares = self._solve(pixels, slots, noise)

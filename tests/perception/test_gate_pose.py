@@ -84,7 +84,7 @@ def test_errors_are_as_large_as_the_covariance_says(lens: str, visible: tuple[in
     assert np.mean(normalised) == pytest.approx(6.0, abs=0.6)
 
 
-@pytest.mark.parametrize(("told", "expected"), [(0.05, 0.05), (0.4, 0.4), (math.nan, 0.2)])
+@pytest.mark.parametrize(("told", "expected"), [(0.05, 0.05), (0.4, 0.4), (math.nan, 0.2), (0.0, 0.2)])
 def test_what_a_detector_tells_of_its_corners_is_believed(told: float, expected: float) -> None:
     """By exact corners, of which residuals tell little; without a word, `detection.corner_noise` counts."""
     exact = gate_pixels(PINHOLE, TRACK.gate, np.array([3.0, 0.2, 0.4]), quat_from_euler(0.1, 0.0, 0.6))
