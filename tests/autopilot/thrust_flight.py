@@ -16,7 +16,7 @@ from flightapp.messages import GroundTruth, VehicleState
 from flightapp.trajectory import Trajectory
 from sim import layout as at
 from sim.plant import Plant
-from sim.t265 import T265
+from sim.t265 import T265, T265Errors
 from sim.vehicles import load_vehicle
 
 SENDING, TRACKING, TELLING = 0.004, 0.005, 0.5
@@ -57,7 +57,7 @@ class Flight:
         self.thrust = ThrustMap.of(config.vehicle)
         self.learner = HoverThrust(config, self.thrust)
         self._controller = FlatnessController(config)
-        self._tracker = T265(3)
+        self._tracker = T265(3, T265Errors(start_position=0.0))
         self._arriving: list[tuple[float, VehicleState]] = []
         self._state = self._seen(0.0)
 
